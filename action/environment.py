@@ -89,15 +89,15 @@ def look(
 
     `packages`: all of the lock files but `extras`, the packages that extras add. `temp`: RUNNER_TEMP.
     """
-    wanted = variables.get("INPUT_CACHE", "false")
-    if wanted not in {"true", "false"}:
+    setting = variables.get("INPUT_CACHE", "false")
+    if setting not in {"true", "false"}:
         raise LockError("the input cache must be true or false")
     available = locks.engines_of(packages)
     asked = asked_engines(variables) & set(available) if len(available) > 1 else ()
     left_out = tuple(engine for engine in available if asked and engine not in asked)
     chosen = locks.without_engines(packages, left_out)
     ready = _ready((*chosen, *extras), temp)
-    is_cached = wanted == "true" and variables.get("GITHUB_EVENT_NAME") not in NEVER_CACHED_ON and bool(_home())
+    is_cached = setting == "true" and variables.get("GITHUB_EVENT_NAME") not in NEVER_CACHED_ON and bool(_home())
     kept, kept_extras = (
         f"~/{_CACHE}/{locks.digest(part)[:16]}" if is_cached and part else "" for part in (chosen, extras)
     )

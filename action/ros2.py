@@ -44,35 +44,35 @@ def look(folder: Path, variables: Mapping[str, str]) -> dict[str, object]:
 
     `folder`: the one with the lock files.
     """
-    wanted = variables["INPUT_ROS2"]
-    if wanted not in (_ANY, *LOCKS):
-        raise UsageError(f"the input ros2 must be true, {', '.join(LOCKS)} or false; found '{wanted}'")
-    ros = _present(wanted, variables)
+    setting = variables["INPUT_ROS2"]
+    if setting not in (_ANY, *LOCKS):
+        raise UsageError(f"the input ros2 must be true, {', '.join(LOCKS)} or false; found '{setting}'")
+    ros = _present(setting, variables)
     if ros is not None:
         print(f"ROS 2: {ros}")
         return {"lock": "", "cache": False}
-    distribution = next(iter(LOCKS)) if wanted == _ANY else wanted
+    distribution = next(iter(LOCKS)) if setting == _ANY else setting
     runner = (variables["RUNNER_OS"], variables["RUNNER_ARCH"])
     if runner != _WITH_WHEELS:
         raise UsageError(
-            f"ros2: {wanted} needs a runner with Linux x86-64, such as ubuntu-latest, or one with ROS 2 "
+            f"ros2: {setting} needs a runner with Linux x86-64, such as ubuntu-latest, or one with ROS 2 "
             f"({' or '.join(LOCKS)}), such as the container ros:{distribution}; this one is {' '.join(runner)}"
         )
     lock = folder / LOCKS[distribution]
     return {"lock": lock, **environment.look(locks.entries_here([lock]), Path(variables["RUNNER_TEMP"]), variables)}
 
 
-def _present(wanted: str, variables: Mapping[str, str]) -> Ros2 | None:
-    """Return the ROS 2 of the runner; None if there is none, or none of the distribution that is wanted."""
+def _present(setting: str, variables: Mapping[str, str]) -> Ros2 | None:
+    """Return the ROS 2 of the runner; None if there is none, or none of the distribution of this setting."""
     try:
         ros = find_ros(variables)
     except NotInstalled:
         return None
     except UsageError as error:
-        if wanted == _ANY:
+        if setting == _ANY:
             raise UsageError(f"{error}; set ros2: {next(iter(LOCKS))} to use the wheels") from None
         return None
-    return ros if wanted in (_ANY, ros.distribution) else None
+    return ros if setting in (_ANY, ros.distribution) else None
 
 
 def install(lock: Path, variables: Mapping[str, str]) -> dict[str, object]:

@@ -8,11 +8,11 @@ from typing import NoReturn
 
 if __name__ == "__main__":
     try:
-        here = os.getcwd()  # noqa: PTH109 - quicker than pathlib
+        folder = os.getcwd()  # noqa: PTH109 - quicker than pathlib
     except FileNotFoundError:
-        here = ""
+        folder = ""
     # `python -m` looks for modules in the current folder first, where a file of a stranger may be called `yaml.py`.
-    if sys.path[0] in ("", here):
+    if sys.path[0] in ("", folder):
         del sys.path[0]
 
 from sim_action.core.process import collect_garbage_rarely, hold_signals

@@ -70,9 +70,9 @@ def check_assertion(spec: Assertion, *, passes: OneScenario, fails: OneScenario)
     with problems.of("title"):
         problems.add_if(_why_no_line(spec.title, _MAX_TITLE), "title ")
     if not problems.found:
-        for scenario, wanted in ((passes, "passed"), (fails, "failed")):
-            with problems.of(f"the scenario in which it should have {wanted}"):
-                _check_run(spec, _one(scenario), wanted, problems)
+        for scenario, status in ((passes, "passed"), (fails, "failed")):
+            with problems.of(f"the scenario in which it should have {status}"):
+                _check_run(spec, _one(scenario), status, problems)
     problems.raise_for(spec.key)
 
 
@@ -110,8 +110,8 @@ class _Problems:
 
     def add_if(self, problem: str | None, beginning: str = "") -> None:
         """Add a problem, if there is one; each is kept once."""
-        if problem is not None and (told := f"{beginning}{problem}") not in self.found:
-            self.found.append(told)
+        if problem is not None and (message := f"{beginning}{problem}") not in self.found:
+            self.found.append(message)
 
     @contextmanager
     def of(self, what: str) -> Iterator[None]:
@@ -141,10 +141,10 @@ def _why_not_installed(spec: Part, table: Table[Any]) -> str | None:
         where = f'[project.entry-points."{table.group}"]'
         return f"no installed package has it; name the class below {where}, and install the package (pip install -e .)"
     try:
-        found = table.load(name)
+        installed = table.load(name)
     except PackageProblem as problem:
         return str(problem)
-    return None if found is type(spec) else f"{table.installed()[name]} is another class: {found.__module__}"
+    return None if installed is type(spec) else f"{table.installed()[name]} is another class: {installed.__module__}"
 
 
 def _why_not_frozen(spec: Part, _: Table[Any]) -> str | None:
@@ -206,15 +206,15 @@ def _outcome(scenario: Scenario, repeat: int = 1) -> Outcome:
     return outcome
 
 
-def _check_run(spec: Assertion, scenario: Scenario, wanted: str, problems: _Problems) -> None:
-    found = [each for each in _outcome(scenario).expectations if each.assertion == spec.key]
-    if not found:
+def _check_run(spec: Assertion, scenario: Scenario, status: str, problems: _Problems) -> None:
+    outcomes = [expected for expected in _outcome(scenario).expectations if expected.assertion == spec.key]
+    if not outcomes:
         problems.add_if(f"'{scenario.name}' does not expect it")
         return
-    states = [each.verdict.status for each in found]
-    is_right = wanted in states if wanted == "failed" else set(states) == {wanted}
+    states = [expected.verdict.status for expected in outcomes]
+    is_right = status in states if status == "failed" else set(states) == {status}
     if not is_right:
-        problems.add_if(f"should have {wanted} in '{scenario.name}', and {states[0]}: {found[0].verdict.message}")
+        problems.add_if(f"should have {status} in '{scenario.name}', and {states[0]}: {outcomes[0].verdict.message}")
     for watched in _watched(spec, scenario):
         _check_monitor(watched, problems)
 
@@ -236,19 +236,19 @@ class _Watched:
 def _watched(spec: Assertion, scenario: Scenario) -> list[_Watched]:
     """Return what each assertion of this kind would be shown, over the whole run. The run is in this process."""
     loaded = _loaded(scenario)
-    kept = [each for each in loaded.scenario.expect if type(each.assertion) is type(spec)]
-    shown = [_Shown.model_construct(inner=each.assertion, seen=_Seen()) for each in kept]
+    kept = [expected for expected in loaded.scenario.expect if type(expected.assertion) is type(spec)]
+    shown = [_Shown.model_construct(inner=expected.assertion, seen=_Seen()) for expected in kept]
     expect = tuple(
-        replace(each, assertion=spy, after=0.0, before=math.inf, span=None)
-        for each, spy in zip(kept, shown, strict=True)
+        replace(expected, assertion=spy, after=0.0, before=math.inf, span=None)
+        for expected, spy in zip(kept, shown, strict=True)
     )
     silent = loaded.scenario.model_copy(update={"expect": expect})
     simulate(
         silent, build_scene(loaded), lambda _: None, RunRecorder(silent, filmed=False, recorded=False, compared=False)
     )
     return [
-        _Watched(each, spy.seen.scene, spy.seen.start, Trace.concatenate(spy.seen.traces))
-        for each, spy in zip(kept, shown, strict=True)
+        _Watched(expected, spy.seen.scene, spy.seen.start, Trace.concatenate(spy.seen.traces))
+        for expected, spy in zip(kept, shown, strict=True)
         if spy.seen.scene is not None and spy.seen.start is not None
     ]
 
@@ -317,8 +317,10 @@ def _check_monitor(watched: _Watched, problems: _Problems) -> None:
     """Check a monitor with the steps of a run."""
     spec, trace = watched.expected.assertion, watched.trace
     began = watched.opened().state
-    if began is not (wanted := State.PENDING if spec.is_goal else State.HOLDS):
-        problems.add_if(f"its monitor begins as {began.name}; with is_goal {spec.is_goal}, it begins as {wanted.name}")
+    if began is not (expected := State.PENDING if spec.is_goal else State.HOLDS):
+        problems.add_if(
+            f"its monitor begins as {began.name}; with is_goal {spec.is_goal}, it begins as {expected.name}"
+        )
     with problems.of("verdict() before the first step"):
         problems.add_if(_why_no_verdict(watched.opened().verdict()))
     whole = watched.opened().begin(trace.first(0)).observe(trace)
@@ -340,9 +342,9 @@ def _check_blocks(watched: _Watched, whole: Monitor, problems: _Problems) -> Non
     decided: tuple[State, bool] | None = None
     while at < len(watched.trace):
         end = min(len(watched.trace), at + _BLOCKS[turn % len(_BLOCKS)])
-        before, told = monitor, monitor.verdict()
+        before, verdict = monitor, monitor.verdict()
         monitor = monitor.begin(watched.trace.first(0)).observe(watched.trace.rows(slice(at, end)))
-        if not _is_same(before.verdict(), told):
+        if not _is_same(before.verdict(), verdict):
             problems.add_if("observe() changes the monitor that it is called on; return a new one")
         if decided is not None and (monitor.state is not decided[0] or monitor.verdict().passed != decided[1]):
             problems.add_if(f"it was decided as {decided[0].name}, and later steps change that")
@@ -419,6 +421,6 @@ def _check_readings(spec: Sensor, scenario: Scenario, problems: _Problems) -> No
     for record in records:
         for name, values in record.columns.items():
             column = spec.columns[name]
-            wanted = (len(record), len(column.axes)) if column.axes else (len(record),)
-            if not column.many and values.shape != wanted:
-                problems.add_if(f"its column '{name}' has the shape {values.shape}; its class states {wanted}")
+            shape = (len(record), len(column.axes)) if column.axes else (len(record),)
+            if not column.many and values.shape != shape:
+                problems.add_if(f"its column '{name}' has the shape {values.shape}; its class states {shape}")

@@ -3,7 +3,8 @@
     python -m tools.style            print each violation as `path:line: advice`; exit with 1 if there is one
     python -m tools.style FOLDER ... print the violations below folders that are not in CLEAN yet
 
-Names, docstrings, comments and tuples are checked in the folders of CLEAN. After cleaning a folder, add it there.
+Names are checked in the folders of NAMED; docstrings, comments and tuples in those of CLEAN. After cleaning a folder,
+add it there.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 MAX_FOLDER_MODULES: Final = 25
 MAX_MODULE_LINES: Final = 600
 
-# Folders without a violation of `wording_violations`; with the folders below them.
+# Folders without a vague name, and folders without a violation of `wording_violations`; with the folders below them.
+NAMED: Final = ("action", "sim_action", "tools/docs/generators", "tools/release")
 CLEAN: Final = ("action", "tools/docs/generators", "tools/release")
 
 _FOLDERS: Final = ("sim_action", "action", "tools")
@@ -35,7 +37,7 @@ _RIDDLES: Final = re.compile(
     r"\b(?:of what|what is|those that|whatever|whoever|nobody|beside|anew|lest|tell|told|tells)\b", re.IGNORECASE
 )
 _PHRASES: Final = re.compile(rf"{_RIDDLES.pattern}|\b(?:that of|those of)\b", re.IGNORECASE)
-_VAGUE_NAMES: Final = frozenset({"each", "found", "given", "here", "known", "told"})
+_VAGUE_NAMES: Final = frozenset({"each", "found", "given", "here", "known", "told", "wanted"})
 _SEE: Final = re.compile(r"See [\w.]+\.")
 
 
@@ -48,12 +50,18 @@ def docstring_violations(name: str, source: str) -> Iterator[str]:
                 yield f"{name}:{node.lineno}: start the docstring with a verb or a noun phrase, not with '{match[0]}'"
 
 
-def wording_violations(name: str, source: str) -> Iterator[str]:
-    """Yield vague names, discouraged phrases in docstrings and comments, and tuples that pack unrelated values."""
+def name_violations(name: str, source: str) -> Iterator[str]:
+    """Yield the variables, parameters and fields with vague names."""
     for node in ast.walk(ast.parse(source)):
         match node:
             case ast.Name(id=word, ctx=ast.Store()) | ast.arg(arg=word) if word in _VAGUE_NAMES:
                 yield f"{name}:{node.lineno}: name the thing; '{word}' can be anything"
+
+
+def wording_violations(name: str, source: str) -> Iterator[str]:
+    """Yield discouraged phrases in docstrings and comments, and tuples that pack unrelated values."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
             case ast.Expr(value=ast.Constant(value=str(text))):
                 yield from _phrase(name, node.lineno, text)
                 if _SEE.fullmatch(text):
@@ -112,6 +120,8 @@ def violations(paths: Iterable[Path]) -> Iterator[str]:
         yield f"{', '.join(missing)}: no Python file found, nothing was checked there"
     for name, source in sources.items():
         yield from docstring_violations(name, source)
+        if is_below(name, NAMED):
+            yield from name_violations(name, source)
         if is_below(name, CLEAN):
             yield from wording_violations(name, source)
     yield from size_violations({name: source.count("\n") for name, source in sources.items()})
@@ -123,7 +133,8 @@ def main() -> int:
     if folders := sys.argv[1:]:
         paths = sorted(path for folder in folders for path in python_files(ROOT / folder))
         sources = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
-        problems = [problem for name, source in sources.items() for problem in wording_violations(name, source)]
+        checks = (name_violations, wording_violations)
+        problems = [problem for name, text in sources.items() for check in checks for problem in check(name, text)]
     else:
         paths = sorted(path for folder in _FOLDERS for path in python_files(ROOT / folder))
         problems = list(violations(paths))

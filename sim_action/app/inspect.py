@@ -451,7 +451,7 @@ _CALL: Final = [sys.executable, "-P", "-m", "sim_action.app.inspect"]
 class _Answer(FrozenModel):
     """The answer of the process: an inspection, the reason for a refusal, or a traceback."""
 
-    found: Inspection | None = None
+    inspection: Inspection | None = None
     refused: str = ""
     fault: str = ""
 
@@ -465,9 +465,9 @@ def inspect_apart(
     answer = _asked(robot, workspace, seconds, memory)
     if answer.refused:
         raise ModelError(Mask.of(os.environ, workspace.pass_env).message(answer.refused))
-    if answer.found is None:
+    if answer.inspection is None:
         raise RuntimeError(answer.fault)
-    return answer.found
+    return answer.inspection
 
 
 def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _Answer:
@@ -504,7 +504,7 @@ def main() -> None:
 
 def _looked(robot: Robot, workspace: Workspace, memory: int) -> _Answer:
     try:
-        return _Answer(found=inspect_model(robot, workspace))
+        return _Answer(inspection=inspect_model(robot, workspace))
     except ModelError as error:
         return _Answer(refused=str(error))
     except MemoryError:

@@ -248,7 +248,7 @@ class ObjectMonitor(Monitor):
     appears: float
     monitor: Monitor | None = None  # the monitor of its motion; None until the object is there
     # time and pose (8,) at the last two steps at which it was there, as far as they are known
-    known: tuple[tuple[float, ...], ...] = ()
+    recent: tuple[tuple[float, ...], ...] = ()
     steps: Judged = Judged()
     end: float | None = None
 
@@ -279,18 +279,18 @@ class ObjectMonitor(Monitor):
     def begin(self, trace: Trace) -> Self:
         seen = self._seen(trace)
         if not len(seen):
-            return replace(self, known=self._known(trace))
+            return replace(self, recent=self._recent(trace))
         opened = self._opened(seen)
-        return replace(self, monitor=opened.begin(seen), known=self._known(trace))
+        return replace(self, monitor=opened.begin(seen), recent=self._recent(trace))
 
     @override
     def observe(self, trace: Trace) -> Self:
         end = float(trace.time[-1]) if len(trace) else self.end
         seen = self._seen(trace)
         if not len(seen):
-            return replace(self, end=end, known=self._known(trace))
+            return replace(self, end=end, recent=self._recent(trace))
         monitor, steps = self._opened(seen).observe(seen), self.steps.followed_by(seen.time)
-        return replace(self, end=end, monitor=monitor, steps=steps, known=self._known(trace))
+        return replace(self, end=end, monitor=monitor, steps=steps, recent=self._recent(trace))
 
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. The moments are the steps at which the object is there."""
@@ -332,13 +332,13 @@ class ObjectMonitor(Monitor):
         start = replace(self.start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
         return self.spec.part.opened_on(self.spec.watched, self.scene, start)
 
-    def _known(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
+    def _recent(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
         present = _present(trace, self.spec.name)
         latest = _poses(present, self.spec.name)[-2:].tolist() if len(present) else []
-        return (*self.known, *map(tuple, latest))[-2:]
+        return (*self.recent, *map(tuple, latest))[-2:]
 
     def _seen(self, trace: Trace) -> Trace:
-        return motion_of(self.spec, self.scene, trace, self.known)
+        return motion_of(self.spec, self.scene, trace, self.recent)
 
 
 def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, earlier: tuple[tuple[float, ...], ...] = ()) -> Trace:

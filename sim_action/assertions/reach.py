@@ -65,7 +65,7 @@ class TargetAngle:
         """Return the angle by which it is missed, (T,) rad in [0, pi]."""
         return trace.rotation_to(self.target) if isinstance(self.target, tuple) else trace.yaw_error_to(self.target)
 
-    def found(self, trace: Trace, row: int) -> str:
+    def orientation_at(self, trace: Trace, row: int) -> str:
         """Return the orientation at a row of a trace as text; empty for a heading, whose error says enough."""
         if not isinstance(self.target, tuple):
             return ""
@@ -205,7 +205,7 @@ class ReachMonitor(Monitor):
     spec: Reach
     nearest: ClosestApproach
     angle: TargetAngle | None  # the required heading or orientation; None for any
-    found: str = ""  # the orientation at the best step as text; empty if none is required
+    orientation: str = ""  # the orientation at the best step as text; empty if none is required
 
     state: ClassVar[State] = delegated("nearest.state")
 
@@ -215,7 +215,7 @@ class ReachMonitor(Monitor):
         if self.angle is None or nearest.goal is self.nearest.goal:
             return replace(self, nearest=nearest)
         best = int((trace.time == nearest.goal.time).argmax())
-        return replace(self, nearest=nearest, found=self.angle.found(trace, best))
+        return replace(self, nearest=nearest, orientation=self.angle.orientation_at(trace, best))
 
     @override
     def truth(self, trace: Trace) -> Truth:
@@ -228,9 +228,9 @@ class ReachMonitor(Monitor):
     def verdict(self) -> Verdict:
         """Return the verdict; if the orientation was missed, the message has the one at the best step."""
         verdict = self.nearest.verdict()
-        if not self.found or (self.nearest.angle_error or 0.0) <= self.nearest.angle_tolerance:
+        if not self.orientation or (self.nearest.angle_error or 0.0) <= self.nearest.angle_tolerance:
             return verdict
-        return replace(verdict, message=f"{verdict.message} with {self.found}")
+        return replace(verdict, message=f"{verdict.message} with {self.orientation}")
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
         return self._distance(trace), None if self.angle is None else self.angle.error(trace)
@@ -339,7 +339,7 @@ class FinalPoseMonitor(Monitor):
     origin: Pose  # pose of the frame of the place, in the world
     nearest: ClosestApproach
     angle: TargetAngle | None = None  # the required heading or orientation; None for any
-    found: str = ""  # the orientation at the last step as text; empty if none is required
+    orientation: str = ""  # the orientation at the last step as text; empty if none is required
     distance: float = 0.0  # distance, angle_error: errors at the last step in m and rad; 0 where nothing is required
     angle_error: float = 0.0
     end: float | None = None  # sim time of the last step, in s
@@ -354,7 +354,7 @@ class FinalPoseMonitor(Monitor):
         return replace(
             self,
             nearest=self.nearest.observe(trace.time, distance, angle_error),
-            found="" if self.angle is None else self.angle.found(trace, -1),
+            orientation="" if self.angle is None else self.angle.orientation_at(trace, -1),
             distance=float(distance[-1]),
             angle_error=0.0 if angle_error is None else float(angle_error[-1]),
             end=float(trace.time[-1]),
@@ -391,7 +391,7 @@ class FinalPoseMonitor(Monitor):
     def _miss(self) -> str:
         """Return the part of the message on the orientation and the closest approach: overshoot or shortfall."""
         nearest, is_turned = self.nearest, self.angle is not None and self.angle_error > self.angle.tolerance
-        orientation = f" with {self.found}" if is_turned and self.found else ""
+        orientation = f" with {self.orientation}" if is_turned and self.orientation else ""
         if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
             return orientation
         near = "within tolerance" if nearest.state is State.HOLDS else "closest"

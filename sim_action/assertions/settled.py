@@ -160,7 +160,7 @@ class SettledMonitor(Monitor):
         motions = list(self._motions(trace))
         rest = self.rest.lasting(trace.time, _are_slow(motions))
         return (
-            Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
+            Signal("time at rest", "s", trace.time, rest, lower=self.rest.duration),
             *(Signal(motion.name, motion.unit, trace.time, motion.speed, upper=motion.limit) for motion in motions),
         )
 
@@ -178,15 +178,15 @@ class SettledMonitor(Monitor):
         """Return the verdict. `measured` is the longest time at rest."""
         passed, rest = self.state is State.HOLDS, self.rest
         if self.end is None:
-            return Verdict(False, None, rest.wanted, None, "s", None, "no physics step to measure")
-        longest, required = units.display_apart(rest.longest, rest.wanted, "s")
+            return Verdict(False, None, rest.duration, None, "s", None, "no physics step to measure")
+        longest, required = units.display_apart(rest.longest, rest.duration, "s")
         when = f", from {rest.began:.2f} s on" if rest.longest else ""
         message = (
             f"at rest from {rest.began:.2f} s on, for {longest}"
             if passed
             else f"at rest for {longest} of {required}{when}; at {self.end:.2f} s {self.last}"
         )
-        return Verdict(passed, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", rest.goal.time, message)
+        return Verdict(passed, rest.longest, rest.duration, rest.longest - rest.duration, "s", rest.goal.time, message)
 
 
 def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:
@@ -321,7 +321,7 @@ class StopsBeforeMonitor(Monitor):
         rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
         return (
             Signal(f"gap to {self.spec.body}", "m", *self._known_gaps(trace), lower, upper),
-            Signal("time at rest", "s", trace.time, rest, lower=self.rest.wanted),
+            Signal("time at rest", "s", trace.time, rest, lower=self.rest.duration),
         )
 
     def _known_gaps(self, trace: Trace) -> tuple[FloatArray, FloatArray]:
@@ -361,9 +361,9 @@ class StopsBeforeMonitor(Monitor):
 
     def _too_short(self) -> Verdict:
         rest, where = self.rest, f"{units.display(self.gap or 0.0, 'm')} before {self.spec.body}"
-        lasted, required = units.display_apart(rest.longest, rest.wanted, "s")
+        lasted, required = units.display_apart(rest.longest, rest.duration, "s")
         message = f"at rest for {lasted} of {required}; {self._last()} {where}"
-        return Verdict(False, rest.longest, rest.wanted, rest.longest - rest.wanted, "s", self.end, message)
+        return Verdict(False, rest.longest, rest.duration, rest.longest - rest.duration, "s", self.end, message)
 
     def _elsewhere(self) -> Verdict:
         lower, upper = self.spec.gap

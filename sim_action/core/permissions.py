@@ -450,7 +450,7 @@ def _host_and_owner(address: str) -> tuple[str, str]:
 
 
 def _unescaped(text: str) -> str:
-    return re.sub(r"\\(.)|\"", lambda found: found[1] or "", text)
+    return re.sub(r"\\(.)|\"", lambda match: match[1] or "", text)
 
 
 def _around(folders: Iterable[Path]) -> Iterator[Path]:

@@ -95,7 +95,7 @@ def installed_parts(group: str) -> Mapping[str, InstalledPart]:
 def _parts_on(group: str, _path: tuple[str, ...]) -> Mapping[str, InstalledPart]:
     """Return the parts of the packages on a search path."""
     entries_by_name: dict[str, list[tuple[EntryPoint, str]]] = {}
-    for entry, package in sorted(_entries(group), key=lambda each: (each[0].name, each[1])):
+    for entry, package in sorted(_entries(group), key=lambda pair: (pair[0].name, pair[1])):
         entries_by_name.setdefault(entry.name, []).append((entry, package))
     return {
         name: InstalledPart(entries[0][0], tuple(package for _, package in entries))

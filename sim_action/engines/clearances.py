@@ -262,7 +262,7 @@ class _WatchState:
     least: float = math.inf  # least distance in m since the watch opened
     latest: float = math.inf  # m; at a travel of w some body is at most this plus w away
     due: float = math.inf  # travel in m at which a body can matter again
-    found: list[Nearness] = field(default_factory=list)
+    minima: list[Nearness] = field(default_factory=list)
 
     def begin(self) -> None:
         """Open the watch at the present step."""
@@ -290,7 +290,7 @@ class _WatchState:
             self._update_due(body, travel)
         self.due = min(body.due for body in self.bodies)
         if best is not None:
-            self.found.append(best)
+            self.minima.append(best)
 
     def _limit(self, travel: float) -> float:
         return min(self.watch.within, self.latest + travel if self.watch.always else self.least)
@@ -397,8 +397,8 @@ class ClearanceRecorder:
         records = {}
         for state in self._watches:
             spans = tuple(dict.fromkeys(self._presences.get(name, ALWAYS) for name in state.names))
-            records[state.watch] = ClearanceRecord.of(state.found, (ALWAYS,) if ALWAYS in spans else spans)
-            state.found = []
+            records[state.watch] = ClearanceRecord.of(state.minima, (ALWAYS,) if ALWAYS in spans else spans)
+            state.minima = []
         return records
 
     def _measure_past(self, steps: Sequence[int], there: FloatArray, restore: RestoreState) -> None:

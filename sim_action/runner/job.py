@@ -44,7 +44,7 @@ class Job:
     hash_seed: int | None = None  # the hash seed of a fresh interpreter; None: a fork is allowed
     deadline: float | None = None  # the time on `time.monotonic()` at which the child process is ended; None: never
     motion: Path | None = None  # the file for the motion at every step; None: the run is not compared with another one
-    here: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
+    working_folder: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
 
     def __post_init__(self) -> None:
         """Make all paths absolute."""
@@ -66,7 +66,11 @@ class Job:
     def named_from_here(self, place: Location) -> Location:
         """Return a place as reports name it: files below the caller's folder from there."""
         file = Path(place.file)
-        return replace(place, file=file_name(file.relative_to(self.here))) if file.is_relative_to(self.here) else place
+        return (
+            replace(place, file=file_name(file.relative_to(self.working_folder)))
+            if file.is_relative_to(self.working_folder)
+            else place
+        )
 
     def named(self, path: Path) -> str:
         """Return the name of a file of the run in outcomes, the same on every system."""

@@ -280,7 +280,7 @@ class Runs:
     fail_fast: bool = False  # start no run after the first one that has not passed
     # returns True for a place in the results if its run need not start any more
     is_needless: Callable[[int], bool] = lambda _: False
-    here: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
+    working_folder: Path = field(default_factory=Path.cwd)  # the folder that reports name files from
 
     def __len__(self) -> int:
         return len(self.scenarios) * self.repeat
@@ -325,7 +325,7 @@ class Runs:
             files.recordings,
             hash_seed=turn if is_fresh else None,
             motion=motion,
-            here=self.here,
+            working_folder=self.working_folder,
         )
 
 

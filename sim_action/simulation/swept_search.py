@@ -51,12 +51,17 @@ class _Motion:
     pieces: Sequence[Piece]
     frames: Frames  # its frame at T + 1 moments
     turning: FloatArray  # (T,) an upper bound in rad on its rotation in each step
-    known: _Known  # (T,) False for steps in which something set it to another place
+    is_continuous: _Known  # (T,) False for steps in which something set it to another place
 
     def seen_from(self, other: _Motion) -> _Motion:
         """Return the same motion in the frame of another body."""
         frames = geometry.compose(geometry.inverse(other.frames), self.frames)
-        return replace(self, frames=frames, turning=self.turning + other.turning, known=self.known & other.known)
+        return replace(
+            self,
+            frames=frames,
+            turning=self.turning + other.turning,
+            is_continuous=self.is_continuous & other.is_continuous,
+        )
 
 
 class SweptSearch:
@@ -203,7 +208,7 @@ class _Search:
         ways = np.diff(self._places + np.column_stack((x, y, z)), axis=0)[:end]
         lengths = np.sqrt(np.square(ways).sum(axis=1))
         swings = np.zeros(len(ways)) if piece.is_ball else motion.turning[:end] * piece.reach
-        fast = (lengths + swings > piece.width + thickness) & motion.known[:end]
+        fast = (lengths + swings > piece.width + thickness) & motion.is_continuous[:end]
         rows = np.flatnonzero(fast)
         if not len(rows):
             return []

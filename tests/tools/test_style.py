@@ -10,6 +10,7 @@ from tools.style import (
     MAX_MODULE_LINES,
     docstring_violations,
     help_violations,
+    name_violations,
     size_violations,
     violations,
     wording_violations,
@@ -85,5 +86,5 @@ def test_a_check_of_no_files_is_a_violation() -> None:
     ],
 )
 def test_names_docstrings_comments_and_tuples(good: str, bad: str, advice: str) -> None:
-    assert list(wording_violations("a.py", f"{good}\n")) == []
-    assert list(wording_violations("a.py", f"{bad}\n")) == [f"a.py:1: {advice}"]
+    for text, advices in ((good, []), (bad, [f"a.py:1: {advice}"])):
+        assert [*name_violations("a.py", f"{text}\n"), *wording_violations("a.py", f"{text}\n")] == advices

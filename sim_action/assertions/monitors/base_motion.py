@@ -34,7 +34,7 @@ class BaseMotion:
 
     max_gap_s: float  # two states further apart in time are not compared
     # the states (14,) at the last two steps, as far as they are known: time, pose and twist as in `Trace.state`
-    known: tuple[tuple[float, ...], ...] = ()
+    recent: tuple[tuple[float, ...], ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, start: Observation) -> Self:
@@ -49,7 +49,7 @@ class BaseMotion:
 
     def after(self, trace: Trace) -> Self:
         """Return the motion after the steps of `trace`."""
-        return replace(self, known=(*self.known, *map(tuple, trace.state[-2:, :14].tolist()))[-2:])
+        return replace(self, recent=(*self.recent, *map(tuple, trace.state[-2:, :14].tolist()))[-2:])
 
     def speed(self, trace: Trace) -> FloatArray:
         """Return the speed at each step, (T,) m/s; after a jump, its length over the time of the step."""
@@ -99,7 +99,7 @@ class BaseMotion:
         """Return the states (T, 14) or, with the one before them, (T + 1, 14)."""
         rows = trace.state[:, :14]
         # The first step of `trace` may be known already: t = 0, or the step at which a time window opens.
-        before = [row for row in self.known if row[0] < rows[0, 0] - TIME_EPSILON_S]
+        before = [row for row in self.recent if row[0] < rows[0, 0] - TIME_EPSILON_S]
         return np.vstack((before[-1], rows)) if before else rows
 
 

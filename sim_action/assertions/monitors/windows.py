@@ -95,7 +95,7 @@ class Window(Monitor):
 class HoldTime:
     """A goal: a condition holds without interruption for a given time."""
 
-    wanted: float
+    duration: float
     # sim time in s since which the condition holds; None if it does not hold at the last step
     since: float | None = None
     goal: Goal = Goal()  # the fold of the duration. Its time is the end of the longest interval.
@@ -105,7 +105,7 @@ class HoldTime:
     @property
     def longest(self) -> float:
         """The longest duration so far in s; 0 if the condition never held."""
-        return max(0.0, self.wanted + (-math.inf if self.goal.margin is None else self.goal.margin))
+        return max(0.0, self.duration + (-math.inf if self.goal.margin is None else self.goal.margin))
 
     @property
     def began(self) -> float:
@@ -117,7 +117,7 @@ class HoldTime:
         if not len(time):
             return self
         since = self._since(time, holds)
-        margin = np.where(holds, np.round(time - since - self.wanted, _DIGITS) + 0.0, -math.inf)
+        margin = np.where(holds, np.round(time - since - self.duration, _DIGITS) + 0.0, -math.inf)
         goal = self.goal.observe(time, margin)
         return replace(self, since=float(since[-1]) if holds[-1] else None, goal=goal)
 
@@ -270,7 +270,7 @@ class BecomingTrue(Monitor):
         hold = self.early if self.hold is None and self.rest is None and truth.holds[:1].any() else self.hold
         if hold is None or not len(truth.time):
             return ()
-        return (Signal("time for which it holds", "s", truth.time, hold.lasting(*truth), lower=hold.wanted),)
+        return (Signal("time for which it holds", "s", truth.time, hold.lasting(*truth), lower=hold.duration),)
 
     def verdict(self) -> Verdict:
         """Return the verdict of the goal, or on the time for which it held."""
@@ -288,7 +288,7 @@ class BecomingTrue(Monitor):
         if not self.at_start or not verdict.passed:
             return verdict
         if self.early.state is State.HOLDS:
-            message = f"{verdict.message}; it held for {units.display(self.early.wanted, 's')}"
+            message = f"{verdict.message}; it held for {units.display(self.early.duration, 's')}"
             return replace(verdict, time=self.early.goal.time, message=f"{message}, from {self.early.began:.2f} s on")
         if self.rest is None:
             return self._held(verdict, self.early)
@@ -299,11 +299,11 @@ class BecomingTrue(Monitor):
     def _held(self, verdict: Verdict, hold: HoldTime) -> Verdict:
         """Return the verdict on the time for which the goal held without interruption."""
         passed = hold.state is State.HOLDS
-        longest, required = units.display_apart(hold.longest, hold.wanted, "s")
+        longest, required = units.display_apart(hold.longest, hold.duration, "s")
         lasted = longest if passed else f"at most {longest} of {required}"
         message = f"held for {lasted}, from {hold.began:.2f} s on; {verdict.message}"
-        margin = hold.longest - hold.wanted
-        return Verdict(passed, hold.longest, hold.wanted, margin, "s", hold.goal.time, message, judged=verdict.judged)
+        margin = hold.longest - hold.duration
+        return Verdict(passed, hold.longest, hold.duration, margin, "s", hold.goal.time, message, judged=verdict.judged)
 
 
 _ONLY_BEFORE: Final = "was already true at t = 0, and never became true again"

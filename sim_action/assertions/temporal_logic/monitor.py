@@ -148,7 +148,7 @@ class Operator(Part):
     reach: float  # lookahead of the inner formulas in s; infinite if they are judged at the end of the run
     begin: float | None = None  # sim time of the first step, in s
     open: SampleChain | None = None  # samples whose future is not known yet
-    found: BestMoment | None = None  # the best step so far, among those whose future is known
+    best: BestMoment | None = None  # the best step so far, among those whose future is known
     judged: Judged = Judged()  # the judged steps of the interval among them
     closed: bool = False  # True if the future of all steps of the interval is known
 
@@ -226,14 +226,14 @@ class Extreme(Operator):
 
     @property
     def _is_settled(self) -> bool:
-        return self.found is not None and (self.found.value >= 0) == self.greatest
+        return self.best is not None and (self.best.value >= 0) == self.greatest
 
     @override
     def outcome(self) -> Outcome:
         last = self.at_end()
-        if last.found is None:
+        if last.best is None:
             return Outcome(-math.inf if self.greatest else math.inf, None, last.judged)
-        return Outcome(last.found.value, last.found.cause, last.judged)
+        return Outcome(last.best.value, last.best.cause, last.judged)
 
     @override
     def folded(self, rows: Samples, end: int) -> Self:
@@ -244,10 +244,10 @@ class Extreme(Operator):
         judged = with_judged(self.judged, rows, first, margins)
         index = int(margins.argmax() if self.greatest else margins.argmin())
         value = float(margins[index])
-        if self.found is not None and not (value > self.found.value if self.greatest else value < self.found.value):
+        if self.best is not None and not (value > self.best.value if self.greatest else value < self.best.value):
             return replace(self, judged=judged)
         best = BestMoment.at(value, self.formula, rows, first + index, strong=self.strong)
-        return replace(self, found=best, judged=judged)
+        return replace(self, best=best, judged=judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +274,7 @@ class UntilFold(Operator):
 
     @property
     def _came_true(self) -> bool:
-        return self.found is not None and self._is_enough(self.found.value)
+        return self.best is not None and self._is_enough(self.best.value)
 
     @property
     def is_lost(self) -> bool:
@@ -292,7 +292,7 @@ class UntilFold(Operator):
     def outcome(self) -> Outcome:
         """See Part.outcome. A `before` that fails before the interval decides, at one step."""
         last = self.at_end()
-        best, judged = last.found, last.judged
+        best, judged = last.best, last.judged
         if not judged.moments and last.held is not None and last.is_lost:
             best, judged = last.held, Judged(1, last.held.time, last.held.time)
         value = -math.inf if best is None else best.value
@@ -314,11 +314,11 @@ class UntilFold(Operator):
         judged = with_judged(self.judged, rows, first, ways)
         index = first + int(ways.argmax())
         value = float(ways[index - first])
-        if self.found is not None and value <= self.found.value:
+        if self.best is not None and value <= self.best.value:
             return replace(self, held=held, judged=judged)
         decides = then[index] <= least[index]
         best = self._moment(value, rows, index) if decides else self._least(rows, before[:index])
-        return replace(self, held=held, found=best, judged=judged)
+        return replace(self, held=held, best=best, judged=judged)
 
     def _moment(self, value: float, rows: Samples, index: int) -> BestMoment:
         strong = not self.contrary

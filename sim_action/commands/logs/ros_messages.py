@@ -118,10 +118,10 @@ class _Kind(NamedTuple):
 TYPES: Final[Mapping[str, _Kind]] = MappingProxyType(
     {
         "geometry_msgs/msg/Twist": _Kind(_twist, has_header=False),
-        "geometry_msgs/msg/TwistStamped": _Kind(lambda message, wanted: _twist(message.twist, wanted), has_header=True),
+        "geometry_msgs/msg/TwistStamped": _Kind(lambda message, part: _twist(message.twist, part), has_header=True),
         "ackermann_msgs/msg/AckermannDrive": _Kind(_steering, has_header=False),
         "ackermann_msgs/msg/AckermannDriveStamped": _Kind(
-            lambda message, wanted: _steering(message.drive, wanted), has_header=True
+            lambda message, part: _steering(message.drive, part), has_header=True
         ),
         "sensor_msgs/msg/JointState": _Kind(_joint_state, has_header=True),
         "trajectory_msgs/msg/JointTrajectory": _Kind(_trajectory, has_header=True),

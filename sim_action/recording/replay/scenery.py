@@ -79,7 +79,7 @@ class LinkPieces:
         # Robots without meshes do not need the mesh readers.
         from sim_action.recording.replay.visual_meshes import VisualMeshes
 
-        return VisualMeshes(self._model, ROBOT_BUDGET.each)
+        return VisualMeshes(self._model, ROBOT_BUDGET.per_mesh)
 
     def of(self, link: Link) -> list[Piece]:
         """Return the pieces of a link."""

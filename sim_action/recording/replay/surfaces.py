@@ -176,7 +176,7 @@ _MIN_STEP_M: Final = 1e-5  # the finest resolution of a mesh
 class Budget:
     """The largest number of triangles of each mesh and of all of a replay; each takes 4 bytes of the report."""
 
-    each: int
+    per_mesh: int
     all: int
 
 
@@ -186,7 +186,7 @@ WORLD_BUDGET: Final = Budget(4_500, 8_000)
 
 def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
     """Simplify surfaces to a budget: those with few triangles are kept, the others share the rest by their size."""
-    limits = [min(len(surface), budget.each) for surface in surfaces]
+    limits = [min(len(surface), budget.per_mesh) for surface in surfaces]
     # A surface without an extent counts as a very small one.
     sizes = [max(surface.size, 1e-9) if np.isfinite(surface.points_xyz).all() else 1e-9 for surface in surfaces]
     most, left, above = list(limits), budget.all, sum(sizes)

@@ -119,7 +119,7 @@ class Task:
     runs: tuple[Run, ...]  # the runs; they are of the same workspace
     turn: int  # the number of their repetition, counted from 1
     permissions: Permissions
-    here: Path  # the current folder of the caller
+    working_folder: Path  # the current folder of the caller
     copied: tuple[Copied, ...]  # the workspace, and the folders of packages outside of it
     output: Output
     software: Software  # that of the caller
@@ -158,8 +158,8 @@ class Task:
     def folder_there(self, copies: Path) -> Path:
         """Return the folder on the worker that stands for the current folder of the caller."""
         own = self.copied[0]
-        inside = self.here.is_relative_to(own.anchor)
-        return own.moved(self.here, copies) if inside else copies / own.digest
+        inside = self.working_folder.is_relative_to(own.anchor)
+        return own.moved(self.working_folder, copies) if inside else copies / own.digest
 
     def as_of_caller(self, text: str, copies: Path) -> str:
         """Return JSON with the caller's paths instead of the worker's."""

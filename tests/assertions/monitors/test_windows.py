@@ -181,8 +181,8 @@ def test_a_window_that_never_opened_was_not_exercised() -> None:
 HOLD_TIME = np.arange(1.0, 9.0)
 
 
-def seen(*holds: int, wanted: float = 2.0) -> HoldTime:
-    return HoldTime(wanted).observe(HOLD_TIME[: len(holds)], np.array(holds, dtype=bool))
+def seen(*holds: int, duration: float = 2.0) -> HoldTime:
+    return HoldTime(duration).observe(HOLD_TIME[: len(holds)], np.array(holds, dtype=bool))
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def test_what_never_was_lasted_for_no_time() -> None:
 
 
 def test_a_stretch_of_no_time_is_met_by_the_first_moment() -> None:
-    assert seen(0, 0, wanted=0.0).state is State.PENDING
-    assert seen(0, 1, wanted=0.0).goal.time == 2.0
+    assert seen(0, 0, duration=0.0).state is State.PENDING
+    assert seen(0, 1, duration=0.0).goal.time == 2.0
 
 
 def test_rounding_of_sim_time_costs_no_step() -> None:

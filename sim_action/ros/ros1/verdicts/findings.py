@@ -38,7 +38,7 @@ class LaunchTag:
     """A tag of a launch file."""
 
     name: str
-    given: Mapping[str, str]
+    attributes: Mapping[str, str]
     place: Location
 
 
@@ -58,7 +58,9 @@ class LaunchTags:
     def node(self, package: str, program: str) -> LaunchTag | None:
         """Return the first tag of a node."""
         attributes = {"pkg": package, "type": program}
-        return next((tag for tag in self.tags if tag.name == "node" and attributes.items() <= tag.given.items()), None)
+        return next(
+            (tag for tag in self.tags if tag.name == "node" and attributes.items() <= tag.attributes.items()), None
+        )
 
     def world(self, path: str) -> Location:
         """Return the place that names a world file; without one, the launch file."""
@@ -68,9 +70,9 @@ class LaunchTags:
 
 def _names_world(tag: LaunchTag, name: str) -> bool:
     if tag.name == "node":
-        return any(word.endswith(f"/{name}") or word == name for word in tag.given.get("args", "").split())
-    stated = tag.given.get("value", tag.given.get("default", ""))
-    return tag.given.get("name") in _WORLD and PurePath(stated).name == name
+        return any(word.endswith(f"/{name}") or word == name for word in tag.attributes.get("args", "").split())
+    stated = tag.attributes.get("value", tag.attributes.get("default", ""))
+    return tag.attributes.get("name") in _WORLD and PurePath(stated).name == name
 
 
 def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator[LaunchTag]:
@@ -80,7 +82,7 @@ def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator
     seen.add(path)
     for tag in _own_tags(path):
         yield tag
-        if tag.name == "include" and (file := _found(tag.given.get("file", ""), packages)) is not None:
+        if tag.name == "include" and (file := _found(tag.attributes.get("file", ""), packages)) is not None:
             yield from _tags(file, packages, seen)
 
 
@@ -125,7 +127,7 @@ class TestTag:
 
 def test_tags(path: Path) -> tuple[TestTag, ...]:
     """Return the `<test>` tags of a file itself, in their order; in broken XML, those before the error."""
-    return tuple(_tag(tag.place.line or 0, tag.given) for tag in _own_tags(path) if tag.name == "test")
+    return tuple(_tag(tag.place.line or 0, tag.attributes) for tag in _own_tags(path) if tag.name == "test")
 
 
 def _tag(line: int, attributes: Mapping[str, str]) -> TestTag:

@@ -385,8 +385,8 @@ class AbsentNodes:
         for node in nodes:
             tag = tags.node(node.package, node.program)
             place = tag.place if tag else Location(tags.file)
-            message = _message(node, tag.given.get("name", node.program) if tag else node.program, packages)
-            if tag and tag.given.get("required", "").strip().lower() not in _FALSE:
+            message = _message(node, tag.attributes.get("name", node.program) if tag else node.program, packages)
+            if tag and tag.attributes.get("required", "").strip().lower() not in _FALSE:
                 message = f"{message}; the node is required"
                 failures.append(Failure(kind="invalid", title="no such node", message=message, location=place))
             else:

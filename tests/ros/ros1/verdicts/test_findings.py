@@ -52,7 +52,7 @@ def test_a_node_is_found_also_in_an_included_file(tags: LaunchTags) -> None:
     assert own is not None
     assert own.place == Location("pkg/a.launch", 5)
     assert inner is not None
-    assert (inner.place, inner.given["required"]) == (Location("other/launch/inner.launch", 2), "true")
+    assert (inner.place, inner.attributes["required"]) == (Location("other/launch/inner.launch", 2), "true")
     assert tags.node("pkg", "c.py") is None
 
 
