@@ -77,7 +77,7 @@ class CommandWithOptionalValues(click.Command):
         end = args.index("--") if "--" in args else len(args)
         words = list(args)
         for position, (word, following) in enumerate(pairwise(args[:end])):
-            is_path = _PATH.fullmatch(following) or Path(following).exists()
+            is_path = _PATH.fullmatch(following) or os.path.exists(following)  # noqa: PTH110 - takes any text
             if word in options and is_path and not options[word].pattern.fullmatch(following):
                 words[position] = f"{word}={options[word].flag_value}"
         return super().parse_args(ctx, words)
