@@ -537,13 +537,13 @@ def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
     if isinstance(former.get("sensors"), str):
         # Standard sensors; others stand beside the robot.
         beside.setdefault("sensors", former["sensors"])
-    there = {"name": name, **{key: value for key, value in former.items() if key != "sensors"}, **beside}
+    new_actor = {"name": name, **{key: value for key, value in former.items() if key != "sensors"}, **beside}
     robot = {key: value for key, value in chosen.items() if key not in ("name", *_BESIDE)}
     if isinstance(chosen.get("sensors"), str):
         robot["sensors"] = chosen["sensors"]
     turned = {key: value for key, value in data.items() if key not in _BESIDE}
     turned |= {key: chosen[key] for key in _BESIDE if key in chosen and key not in robot}
-    world = {**data["world"], "actors": (*actors[:index], there, *actors[index + 1 :])}
+    world = {**data["world"], "actors": (*actors[:index], new_actor, *actors[index + 1 :])}
     moved: dict[KeyPath, KeyPath] = {("robot",): at, at: ("robot",), (*at, "name"): (_EGO,)}
     for key in _BESIDE:
         moved |= {(key,): (*at, key), (*at, key): (key,)}

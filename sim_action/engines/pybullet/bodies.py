@@ -77,8 +77,8 @@ def pose_reader(client: int, bodies: Sequence[tuple[int, Pose]]) -> ReadPoses:
     def look() -> Sequence[float]:
         poses = [pybullet.getBasePositionAndOrientation(number, client) for number in numbers]
         for place, back in aside.items():
-            there = geometry.compose(Pose(*poses[place]), back)
-            poses[place] = there.position_xyz, there.orientation_xyzw
+            pose = geometry.compose(Pose(*poses[place]), back)
+            poses[place] = pose.position_xyz, pose.orientation_xyzw
         return [value for position, orientation in poses for value in (*position, *orientation)]
 
     return look
