@@ -13,7 +13,6 @@ numbers = st.floats(-3, 3)
 
 def test_without_velocities_it_goes_straight_and_rests_at_both_ends() -> None:
     curve = JointCurve((Waypoint(1.0, 0.0), Waypoint(3.0, 4.0)))
-
     assert curve.at(0.5) == (0.0, 0.0)
     # It has 20 ms for each change of its speed.
     assert curve.at(2.0) == pytest.approx((2.0, 4 / 1.98))
@@ -26,7 +25,6 @@ def test_with_velocities_it_has_them_at_its_points_and_is_smooth_between(
 ) -> None:
     first, speed, last, end_speed = ends
     curve = JointCurve((Waypoint(0.0, first, speed), Waypoint(span, last, end_speed)))
-
     assert curve.at(1e-9) == pytest.approx((first, speed), abs=1e-4)
     assert curve.at(span - 1e-9) == pytest.approx((last, end_speed), abs=1e-4)
     before, after = (curve.at(part * span + step)[0] for step in (-1e-6, 1e-6))
@@ -41,7 +39,6 @@ def test_each_joint_has_its_own_from_where_it_is() -> None:
         TrajectoryPoint(7.0, [1.5, 2.5]),
     ]
     found = joint_curves(["a", "b"], start, points)
-
     assert found["b"].at(5.0)[0] == 0.2
     assert found["a"].at(6.0)[0] == 1.0
     assert found["b"].at(6.5) == pytest.approx((2.25, 0.5 / 0.98))
@@ -54,7 +51,6 @@ _STATE = ("position", "velocity", "acceleration")
 def test_a_quintic_begins_and_ends_as_stated(ends: tuple[float, ...], span: float) -> None:
     first, last = Waypoint(0.0, *ends[:3]), Waypoint(span, *ends[3:])
     curve = JointCurve((first, last))
-
     for time, point in ((1e-9, first), (span - 1e-9, last)):
         state = curve.state(time)
         assert [getattr(state, name) for name in _STATE] == pytest.approx(

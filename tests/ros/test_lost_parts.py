@@ -83,7 +83,6 @@ def test_controllers_of_ros_1_other_than_those_of_the_base_are_lost() -> None:
     spawner = left_out(SPAWNER, "--namespace", "/r", "arm", "joints", "--shutdown-timeout=3")
     (message,) = lost(spawner, arm=arm, joints="joint_state_controller/JointStateController")
     assert message.startswith(f"the controller 'arm' ({arm}) does not run")
-
     assert [text.split("'")[1] for text in lost(spawner)] == ["arm", "joints"]
     assert [text.split("'")[1] for text in lost(left_out(MANAGER, "spawn", "arm"))] == ["arm"]
     assert all(REPLACED_CONTROLLERS.values())

@@ -37,7 +37,6 @@ def test_times_come_back_from_their_stamps(tick: int, rate: int) -> None:
 def test_the_covariances_of_an_imu_are_those_of_its_noise() -> None:
     reading = ImuReading(1.0, geometry.IDENTITY, (0.1, 0.2, 0.3), (0.0, 0.0, 9.81))
     imu = messages.imu_message(1.0, "imu_link", reading, (0.1, 0.5))
-
     assert imu["angular_velocity_covariance"].tolist() == pytest.approx([0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01])
     assert imu["linear_acceleration_covariance"].tolist() == [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
     assert not any(imu["orientation_covariance"])
@@ -47,7 +46,6 @@ def test_the_covariances_of_an_imu_are_those_of_its_noise() -> None:
 def test_images_have_the_bytes_of_their_rows() -> None:
     rgb = np.arange(18, dtype=np.uint8).reshape(2, 3, 3)
     depth = np.array([[0.5, 1.0, np.inf], [2.0, 3.0, 4.0]], dtype=np.float32)
-
     image = messages.image_message(0.5, "eye", rgb)
     assert (image["height"], image["width"], image["encoding"], image["step"]) == (2, 3, "rgb8", 9)
     assert image["data"].tobytes() == rgb.tobytes()
@@ -68,7 +66,6 @@ def test_camera_info_projects_as_the_camera_does(
     camera, pinhole = Camera(width=width, height=height, field_of_view=field), Pinhole(width, height, field, 0.05, 10.0)
     info = messages.camera_info_message(0.0, "eye", camera)
     row, column = (min(int(part * count), count - 1) for part, count in zip(share, (height, width), strict=True))
-
     # The point at a depth of 2 m that the camera sees in this pixel, in the optical frame.
     seen = Pose((2.0, 2.0 * float(pinhole.left[0, column]), 2.0 * float(pinhole.up[row, 0])))
     point = geometry.compose(geometry.inverse(messages.OPTICAL), seen).position_xyz
@@ -90,14 +87,12 @@ numbers = st.floats(allow_nan=False, allow_infinity=False)
 def test_twists_come_with_and_without_a_stamp(linear: Any, angular: Any, stamped: bool) -> None:
     plain = {"linear": messages.vector(linear), "angular": messages.vector(angular)}
     message = {"header": messages.header(3.0, "base"), "twist": plain} if stamped else plain
-
     assert messages.twist_of(message) == Twist(linear, angular)
 
 
 @given(st.floats(0, 1e5), st.tuples(*[st.floats(-1e3, 1e3)] * 3))
 def test_transforms_have_their_frames(time: float, position: Any) -> None:
     (found,) = messages.transforms_message(time, [("odom", "base", Pose(position))])["transforms"]
-
     assert (found["header"]["frame_id"], found["child_frame_id"]) == ("odom", "base")
     assert tuple(found["transform"]["translation"].values()) == position
     assert math.hypot(*found["transform"]["rotation"].values()) == 1.0

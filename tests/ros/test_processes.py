@@ -85,5 +85,4 @@ def test_a_result_that_is_whole(text: str | None, is_whole: bool, tmp_path: Path
     path = tmp_path / "result.xml"
     if text is not None:
         path.write_text(text)
-
     assert processes.is_result_written(path) is is_whole

@@ -72,7 +72,6 @@ def test_the_place_is_the_innermost_in_the_users_own_code(tmp_path: Path, monkey
     (tmp_path / "seen").symlink_to(tmp_path / "src")
     monkeypatch.chdir(tmp_path)
     text = WAY.format(file=tmp_path / "seen/test_it.py")
-
     assert traceback_location(text, Path()) == Location("src/test_it.py", 20)
     assert traceback_location(text, tmp_path / "other") is None
 

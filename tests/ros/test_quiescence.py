@@ -111,7 +111,6 @@ def test_processes_are_quiet_when_no_thread_of_those_that_are_watched_runs(text:
 def test_a_process_that_has_ended_and_is_not_reaped_is_quiet() -> None:
     with process("print('up', flush=True)") as ended:
         os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
-
         assert watched(ended.pid).wait(LONG)
 
 
@@ -133,11 +132,9 @@ def test_processes_that_ran_since_all_were_quiet_are_counted() -> None:
         both = watched(sleeper.pid, waker.pid)
         assert both.wait(LONG)
         assert both.awakenings() == {}
-
         waker.stdin.write("go\n")
         waker.stdin.flush()
         assert waker.stdout.readline() == "done\n"
-
         found = both.awakenings()
         assert set(found) == {waker.pid}
         assert found[waker.pid] >= 10

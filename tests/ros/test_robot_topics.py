@@ -48,7 +48,6 @@ def test_topics_that_cannot_be_are_named(
     stated: dict[str, str], sensors: list[Fitting], key: str, message: str
 ) -> None:
     ((path, said),) = topic_problems(stated, topics_of(sensors, stated))
-
     assert path == (key,)
     assert message in said
 
@@ -57,7 +56,6 @@ def test_topics_that_cannot_be_are_named(
 def test_messages_come_as_evenly_as_ticks_allow(rate: float, intervals: set[int]) -> None:
     schedule = Schedule.of(rate, 100)
     due = [tick for tick in range(1001) if schedule.is_due(tick)]
-
     assert {after - before for before, after in pairwise(due)} == intervals
     assert len(due) == 10 * rate + 1
     assert schedule.is_even == (len(intervals) == 1)

@@ -42,7 +42,6 @@ def test_packages_are_found_behind_links(
     (tmp_path / "overlay/share/parts").symlink_to(tmp_path / "parts")
     (tmp_path / "robot").mkdir()
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "overlay"))
-
     assert main([written(tmp_path / "robot", '<xacro:include filename="$(find parts)/p.xacro"/>')]) == 0
     assert '<link name="part"/>' in capsys.readouterr().out
 

@@ -154,7 +154,6 @@ def test_what_is_drawn_at_random_depends_on_seed_and_purpose_alone(tmp_path: Pat
 def test_a_scene_knows_where_the_sensors_of_its_scenario_sit(tmp_path: Path) -> None:
     lidar = "{lidar: {rays: 90}, link: base_scan, rate: 5 Hz, pose: {z: 0.1 m}}"
     loaded = load(tmp_path, f"{LEAST}sensors: [{lidar}, contact]\n")
-
     assert build_scene(loaded).sensors == (
         Fitting("lidar", "lidar", "base_scan", 5.0, Pose((0.0, 0.0, 0.1)), Lidar(rays=90)),
         Fitting("contact", "contact", "base_footprint", 10.0, Pose(), ContactSensor()),

@@ -24,7 +24,6 @@ def test_packages_are_found_at_any_depth_but_not_in_what_a_build_has_left(tmp_pa
     package(tmp_path / "src/build/robot", "copy")
     ignored = package(tmp_path / "src/ignored", "ignored")
     (ignored / "CATKIN_IGNORE").touch()
-
     assert packages_below(tmp_path / "src") == {"robot": robot}
 
 
@@ -41,7 +40,6 @@ def test_of_two_the_first_counts(tmp_path: Path) -> None:
     first = package(tmp_path / "a/robot", "robot")
     package(tmp_path / "b/robot", "robot")
     alone = package(tmp_path / "c", "c")
-
     assert packages_of([tmp_path / "a", tmp_path / "b", alone]) == {"robot": first, "c": alone}
 
 
@@ -49,7 +47,6 @@ def test_sources_are_in_src_but_of_a_package(tmp_path: Path) -> None:
     (tmp_path / "ws/src").mkdir(parents=True)
     robot = package(tmp_path / "robot", "robot")
     (robot / "src").mkdir()
-
     assert source_folder(tmp_path / "ws") == tmp_path / "ws/src"
     assert source_folder(robot) == robot
     assert source_folder(tmp_path) == tmp_path
@@ -64,7 +61,6 @@ def test_the_nearest_one_around_the_scenario_counts_unless_another_one_is_named(
     ros_package(tmp_path / "src/far")
     # The code of a package is no workspace.
     ros_package(ros_package(tmp_path / "robots/src/near") / "src/near/inner")
-
     assert workspace_of(None, around(tmp_path, "robots/src/near/simulation")) == tmp_path / "robots"
     assert workspace_of(None, around(tmp_path, "simulation")) == tmp_path
     assert workspace_of("../robots", around(tmp_path, "simulation")) == tmp_path / "robots"

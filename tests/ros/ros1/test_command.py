@@ -44,7 +44,6 @@ def test_what_is_typed_again_is_the_same_call(tmp_path: Path, monkeypatch: pytes
 def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Path) -> None:
     made = [launch_request.new_run_folder(tmp_path) for _ in range(11)]
     (tmp_path / "results").mkdir()
-
     assert launch_request.run_folders(tmp_path) == made
     assert made[-1].name == "11"
 
@@ -61,14 +60,12 @@ def test_a_result_is_read_again_and_one_that_cannot_be_understood_is_nothing(tmp
 
 def test_a_loss_is_a_failure_with_its_place_and_the_option() -> None:
     (failure,) = launch_request.loss_failures([WALL, WALL])
-
     assert (failure.kind, failure.location) == ("invalid", Location("a.world", 3))
     assert failure.message == "the wall is left out; to run without it: --allow-losses"
 
 
 def test_an_allowed_loss_is_a_warning_with_a_place() -> None:
     placed, unplaced = launch_request.loss_warnings([WALL, Loss(message="a\nplugin")], HERE)
-
     assert str(placed) == "the wall is left out [not-simulated]"
     assert placed.location == Location("a.world", 3)
     assert (unplaced.message, unplaced.location) == ("a\\nplugin", HERE)
@@ -76,6 +73,5 @@ def test_an_allowed_loss_is_a_warning_with_a_place() -> None:
 
 def test_many_losses_are_counted() -> None:
     losses = [Loss(message=f"part {number}") for number in range(30)]
-
     assert len(launch_request.loss_failures(losses)) == 21
     assert launch_request.loss_warnings(losses, HERE)[-1].message == "10 more parts of the launch"

@@ -31,7 +31,6 @@ def test_tables_list_what_is_known(heading: str, table: Table[object]) -> None:
 def test_services_are_those_that_are_offered() -> None:
     modules = [NODE / f"{name}.py" for name in ("services",)]
     offered = re.findall(r'^ {12}\("(\w+)", ', "\n".join(path.read_text() for path in modules), re.MULTILINE)
-
     assert len(offered) > 20
     assert sorted(listed("Services and topics")) == sorted(offered)
 

@@ -53,7 +53,6 @@ def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> N
         <collision name="c"><pose>0 0 0.4 0 0 0</pose>
         <geometry><cylinder><radius>0.1</radius><length>0.8</length></cylinder></geometry></collision></link></model>""",
     )
-
     (pole,) = world.objects
     assert (pole.pose.x, pole.pose.y, pole.pose.z, pole.mass) == (1, 2, 0, 3)
     (part,) = pole.parts()
@@ -70,7 +69,6 @@ def test_models_that_are_included(tmp_path: Path) -> None:
         <include><uri>model://wall</uri><name>north</name><pose>0 5 0 0 0 0</pose></include>
         <include><uri>model://house</uri></include>""",
     )
-
     (north,) = world.objects
     # The pose of the include replaces that of the model (sdformat.org/spec).
     assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 0, 5, 0)
@@ -90,7 +88,6 @@ def test_models_that_are_included(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_said_with_its_file(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "a.world"
     path.write_text(text)
-
     with pytest.raises(BadWorld, match=re.escape(message)):
         read_world(path)
 
@@ -102,7 +99,6 @@ def test_a_world_is_found_by_its_path_or_in_the_folders_of_gazebo(
     path.parent.mkdir()
     path.touch()
     monkeypatch.setenv("GAZEBO_RESOURCE_PATH", f":{tmp_path}")
-
     assert find_world(str(path)) == path
     assert find_world("worlds/yard.world") == path
     assert find_world("worlds/empty.world") is None
@@ -139,7 +135,6 @@ def test_a_model_with_a_plugin_that_drives_is_the_robot_also_if_it_is_included(t
     assert found.robot is not None
     assert (found.robot.name, found.robot.pose.position_xyz) == ("rover", (1, 0, 0))
     assert found.losses == ()
-
     add_model(tmp_path, "rover", ROVER)
     include = "<include><uri>model://rover</uri><name>one</name><pose>0 2 0 0 0 0</pose></include>"
     robot = file_of(tmp_path, include).robot
@@ -150,7 +145,6 @@ def test_a_model_with_a_plugin_that_drives_is_the_robot_also_if_it_is_included(t
 def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
     other = ROVER.replace('name="rover"', 'name="second"')
     _, notes = read(tmp_path, f'{ROVER}{other}<plugin name="s" filename="libsky.so"/>')
-
     assert notes[0] == (
         "'second' is simulated as a body, not as a robot; its plugins have no effect: gazebo_ros_diff_drive"
     )
@@ -160,7 +154,6 @@ def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
 def test_a_loss_has_its_place_also_in_an_included_file(tmp_path: Path) -> None:
     add_model(tmp_path, "pole", '\n<model name="pole"><link name="l">\n<kinematic>1</kinematic></link></model>')
     losses = file_of(tmp_path, '\n<actor name="a"/>\n<include><uri>model://pole</uri></include>').losses
-
     places = [(Path(loss.location.file).name, loss.location.line) for loss in losses if loss.location]
     assert places == [("a.world", 2), ("model.sdf", 3)]
 
@@ -180,7 +173,6 @@ STATE = """
 
 def test_the_state_of_a_world_places_its_models_and_links(tmp_path: Path) -> None:
     world, lost = read(tmp_path, WALL + STATE.format(z=0.7, more=""))
-
     (wall,) = world.objects
     assert (wall.pose.x, wall.pose.y, wall.pose.z, wall.pose.yaw) == pytest.approx((4, 1, 0.7, 0))
     assert lost == []
@@ -191,7 +183,6 @@ def test_a_state_that_moves_or_deletes_is_lost(tmp_path: Path) -> None:
         "0 0 0.009 0 -0.019 0", "1 0 0 0 0 0"
     )
     _, lost = read(tmp_path, WALL + text)
-
     assert lost == [
         "<deletions> is not simulated: its models still exist",
         "<velocity>1 0 0 0 0 0</velocity> is not simulated: the link starts at rest",
@@ -205,7 +196,6 @@ def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
     nested += "</radius></sphere></geometry></collision></link></model>"
     model = f"<model name='yard'><static>1</static><pose>1 0 0 0 0 0</pose>{include}{nested}</model>"
     world, lost = read(tmp_path, model)
-
     assert lost == []
     (yard,) = world.objects
     assert (yard.name, yard.pose.x, yard.pose.y, yard.pose.z) == ("yard", 1.0, 0.0, 0.0)
@@ -216,7 +206,6 @@ def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
 def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
     add_model(tmp_path, "wall", WALL.replace("<static>true</static>", ""))
     include = "<include><uri>model://wall</uri><static>{}</static></include>"
-
     for stated, mass in (("true", None), ("false", 1.0)):
         world, _ = read(tmp_path, include.format(stated))
         assert [body.mass for body in world.objects] == [mass]
@@ -224,7 +213,6 @@ def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
 
 def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
     body, losses = body_of("wall_1", f'<sdf version="1.6">{WALL}</sdf>', Pose((4.0, 1.0, 0.5)))
-
     assert losses == ()
     assert (body.name, body.pose.x, body.pose.y, body.pose.z, body.pose.yaw) == ("wall_1", 4, 1, 0.5, 0)
 

@@ -19,7 +19,6 @@ ROBOT = """
 
 def test_interfaces_are_named_at_joints_or_at_actuators_with_or_without_a_package() -> None:
     found = transmissions_of(ET.fromstring(ROBOT))
-
     assert found.interfaces == {
         "elbow": {"hardware_interface/PositionJointInterface", "hardware_interface/VelocityJointInterface"},
         "wrist": {"hardware_interface/EffortJointInterface"},
@@ -29,7 +28,6 @@ def test_interfaces_are_named_at_joints_or_at_actuators_with_or_without_a_packag
 
 def test_what_is_missing_is_named() -> None:
     found = transmissions_of(ET.fromstring(ROBOT))
-
     assert "the controller needs hardware_interface/PositionJointInterface" in (
         found.why_not("wrist", "position") or ""
     )

@@ -63,7 +63,6 @@ def test_a_good_scenario_has_no_problem(tmp_path: Path) -> None:
     written(tmp_path / "src/my_robot/launch/drive.launch.py", "")
     written(tmp_path / "node.py", "")
     program(tmp_path / "compiled")
-
     assert problems(tmp_path, "my_robot/mover", "./node.py", "./compiled") == []
     assert problems(tmp_path, launch=("my_robot", "drive.launch.py", "x:=1.0")) == []
 
@@ -71,7 +70,6 @@ def test_a_good_scenario_has_no_problem(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("with_ros")
 def test_an_unknown_package_is_named_with_the_nearest(tmp_path: Path) -> None:
     source(tmp_path)
-
     expected = f"there is no package 'my_robots' in {tmp_path} or ROS 2; did you mean 'my_robot'? (allowed: my_robot)"
     assert only(tmp_path, "my_robots/mover") == f"nodes.0: {expected}"
     assert only(tmp_path, launch=("my_robots", "x.launch.py")) == f"launch.0: {expected}"
@@ -80,7 +78,6 @@ def test_an_unknown_package_is_named_with_the_nearest(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("without_ros")
 def test_without_ros_an_unknown_package_may_be_of_ros(tmp_path: Path) -> None:
     source(tmp_path)
-
     assert problems(tmp_path, "turtlesim/turtlesim_node") == []
     assert problems(tmp_path, launch=("turtlesim", "x.launch.py")) == []
     assert "no executable 'movr'" in only(tmp_path, "my_robot/movr")
@@ -92,7 +89,6 @@ def test_an_unknown_executable_is_named_with_the_nearest(tmp_path: Path) -> None
     computed = source(tmp_path, "computed", {"setup.py": "from setuptools import setup\nsetup(entry_points=read())\n"})
     prefix = installed(tmp_path / "install", "built")
     program(prefix / "lib/built/talker")
-
     assert only(tmp_path, "my_robot/movr") == (
         "nodes.0: the package 'my_robot' has no executable 'movr'; did you mean 'mover'? (allowed: mover); add it to "
         "console_scripts in setup.py"
@@ -111,7 +107,6 @@ def test_an_unknown_executable_is_named_with_the_nearest(tmp_path: Path) -> None
 def test_a_package_that_is_not_built_says_so(tmp_path: Path) -> None:
     manifest(tmp_path / "src/compiled", "compiled", "ament_cmake")
     written(tmp_path / "install/.colcon_install_layout", "isolated")
-
     for workspace in (None, "install"):
         installed(tmp_path / "install/other", "other")
         assert only(tmp_path, "compiled/node", workspace=workspace) == (
@@ -134,7 +129,6 @@ def test_two_packages_of_one_name_are_named(tmp_path: Path) -> None:
 def test_a_workspace_that_is_not_built_says_so(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     absent = only(tmp_path, "p/e", workspace="install")
-
     assert absent.startswith("workspace: 'install' does not exist")
     assert f"; the workspace is not built: run colcon build in {tmp_path}, or leave out 'workspace' if" in absent
     assert only(tmp_path, "p/e", workspace="absent/install").endswith(f"(looked for {tmp_path}/absent/install)")
@@ -148,7 +142,6 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
     written(tmp_path / "compiled", "")
     written(tmp_path / "install/lib/built/talker", "")
     installed(tmp_path / "install", "built")
-
     assert only(tmp_path, "./compiled") == (
         "nodes.0: './compiled' is not executable, and is not a file of Python (.py); run chmod +x ./compiled and "
         "git update-index --chmod=+x ./compiled"
@@ -162,7 +155,6 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("with_ros")
 def test_a_manifest_that_is_no_xml_is_named(tmp_path: Path) -> None:
     written(tmp_path / "src/broken/package.xml", "<package><name>broken")
-
     path = tmp_path / "src/broken/package.xml"
     assert only(tmp_path, "broken/mover") == f"nodes.0: the package 'broken' cannot be read: {path} is not valid XML"
 
@@ -172,7 +164,6 @@ def test_names_are_suggested_for_missing_files_of_the_workspace_only(tmp_path: P
     (tmp_path / "mover.py").mkdir()
     (tmp_path / "repository").mkdir()
     written(tmp_path / "secret.py", "")
-
     assert only(tmp_path, "./mover.py") == (
         f"nodes.0: './mover.py' is a folder, not a file (looked for {tmp_path}/mover.py)"
     )
@@ -185,7 +176,6 @@ def test_names_are_suggested_for_missing_files_of_the_workspace_only(tmp_path: P
 @pytest.mark.usefixtures("with_ros")
 def test_a_file_without_its_dot_is_suggested(tmp_path: Path) -> None:
     written(tmp_path / "nodes/mover.py", "")
-
     assert only(tmp_path, "nodes/mover.py").endswith("; if you mean the file, write ./nodes/mover.py")
 
 
@@ -193,7 +183,6 @@ def test_a_file_without_its_dot_is_suggested(tmp_path: Path) -> None:
 @pytest.mark.parametrize("odd", ["a\0b", "x" * 5000, "..", "*", "\n", "é"])
 def test_odd_names_are_problems(odd: str, tmp_path: Path) -> None:
     source(tmp_path)
-
     assert problems(tmp_path, {"package": odd, "executable": odd})
     assert problems(tmp_path, {"package": "my_robot", "executable": odd})
     assert problems(tmp_path, {"file": f"./{odd}"})
@@ -205,7 +194,6 @@ def test_odd_names_are_problems(odd: str, tmp_path: Path) -> None:
 def test_two_nodes_have_two_names(tmp_path: Path) -> None:
     source(tmp_path)
     mover = {"package": "my_robot", "executable": "mover"}
-
     assert only(tmp_path, "my_robot/mover", "my_robot/mover") == (
         "nodes.1: two nodes of one name: 'my_robot/mover' has the name 'mover', as another one; give each its own "
         "'name' or 'namespace'"
@@ -222,7 +210,6 @@ def test_a_launch_file_is_looked_for(tmp_path: Path) -> None:
     absent = only(tmp_path, launch=("my_robot", "drive.launch.py"))
     assert absent == "launch.1: the package 'my_robot' has no launch file 'drive.launch.py', and no other one"
     written(folder / "launch/drive.launch.py", "")
-
     assert "; did you mean 'drive.launch.py'?" in only(tmp_path, launch=("my_robot", "drve.launch.py"))
     bad = only(tmp_path, launch=("my_robot", "drive.launch.py", "x=1"))
     assert bad == "launch.2: 'x=1' is not an argument of a launch file; write NAME:=VALUE"
@@ -230,7 +217,6 @@ def test_a_launch_file_is_looked_for(tmp_path: Path) -> None:
 
 def test_notes_say_what_is_not_checked(without_ros: None) -> None:
     nodes = NODES.validate_python(["p/e"])
-
     assert Ros2Commands(ros2=Ros2Nodes(nodes=nodes)).unchecked == (
         "ros2: the nodes are started when the scenario runs",
         "ros2: ROS 2 is not installed",

@@ -25,7 +25,6 @@ def problem(environment: dict[str, str], root: Path) -> str:
 
 def test_without_ros_one_message_says_what_to_type(tmp_path: Path) -> None:
     message = problem({}, tmp_path)
-
     assert re.search(
         rf"^ROS 2 is not installed; .*setup\.bash.*pip install ros-jazzy-rclpy .*{PYTHON_VARIABLE}=", message
     )
@@ -36,7 +35,6 @@ def test_a_sourced_environment_comes_before_others(tmp_path: Path) -> None:
     ros_prefix(tmp_path / "root/jazzy")
     users = installed(tmp_path / "ws/install/p", "p", "prepend-non-duplicate;PYTHONPATH;lib/python3.12/site-packages\n")
     ros = find_ros({"AMENT_PREFIX_PATH": f"{users}:{sourced}", "PYTHONPATH": "/mine"}, tmp_path / "root")
-
     assert (ros.distribution, ros.prefix, ros.prefixes) == ("kilted", sourced, (users, sourced))
     assert ros.python == sourced / "bin/python3.12"
     assert ros.variables["AMENT_PREFIX_PATH"] == f"{users}:{sourced}"
@@ -53,7 +51,6 @@ def test_an_installed_distribution_needs_no_sourcing(tmp_path: Path) -> None:
     ros_prefix(tmp_path / "humble", HUMBLE)
     users = installed(tmp_path / "ws/install", "p")
     ros = find_ros({"AMENT_PREFIX_PATH": str(users)}, tmp_path)
-
     assert (ros.distribution, ros.prefixes, ros.source) == ("jazzy", (users, jazzy), str(tmp_path))
     assert ros.variables["LD_LIBRARY_PATH"] == f"{jazzy}/lib"
     assert ros.variables["ROS_DISTRO"] == "jazzy"
@@ -62,7 +59,6 @@ def test_an_installed_distribution_needs_no_sourcing(tmp_path: Path) -> None:
 def test_the_environment_of_this_python_may_have_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "prefix", str(ros_prefix(tmp_path / "env", KILTED)))
     ros = find_ros({}, tmp_path / "absent")
-
     assert (ros.distribution, ros.python) == ("kilted", tmp_path / "env/bin/python3.12")
 
 
@@ -71,7 +67,6 @@ def test_the_wheels_of_a_named_python_start_at_once(tmp_path: Path) -> None:
     sourced = ros_prefix(tmp_path / "sourced", HUMBLE)
     named = {PYTHON_VARIABLE: str(wheels / "bin/python"), "AMENT_PREFIX_PATH": str(sourced), "PYTHONPATH": "/mine"}
     ros = find_ros({**named, "PATH": "/usr/bin"}, tmp_path / "absent")
-
     # A Python in a virtual environment is a link; its own path finds the modules.
     assert (ros.python, ros.prefixes, ros.source) == (wheels / "bin/python", (wheels,), PYTHON_VARIABLE)
     assert ros.variables["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] == "1"
@@ -85,7 +80,6 @@ def test_a_workspace_may_be_sourced_on_top_of_the_wheels(tmp_path: Path) -> None
     users = installed(tmp_path / "ws/install/p", "p", "prepend-non-duplicate;PYTHONPATH;lib/python\n")
     named = {PYTHON_VARIABLE: str(wheels / "bin/python"), "AMENT_PREFIX_PATH": str(users)}
     ros = find_ros(named, tmp_path / "absent")
-
     assert ros.variables["AMENT_PREFIX_PATH"] == f"{users}:{wheels}"
     assert ros.variables["PYTHONPATH"] == f"{users}/lib/python"
 
@@ -93,14 +87,12 @@ def test_a_workspace_may_be_sourced_on_top_of_the_wheels(tmp_path: Path) -> None
 def test_a_named_python_may_run_a_sourced_ros(tmp_path: Path) -> None:
     sourced, python = ros_prefix(tmp_path / "sourced"), program(tmp_path / "venv/bin/python")
     ros = find_ros({PYTHON_VARIABLE: str(python), "AMENT_PREFIX_PATH": str(sourced)}, tmp_path / "absent")
-
     assert (ros.python, ros.prefix) == (python, sourced)
 
 
 def test_nodes_do_not_find_sim_action(tmp_path: Path) -> None:
     root = str(Path(installation.__file__).parents[3])
     ros = find_ros({"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path)), "PYTHONPATH": f"{root}:/mine"}, tmp_path / "absent")
-
     assert ros.variables["PYTHONPATH"] == f"{tmp_path}/lib/python3.12/site-packages:/mine"
 
 
@@ -109,7 +101,6 @@ def test_nodes_do_not_find_sim_action(tmp_path: Path) -> None:
 )
 def test_a_named_python_that_cannot_be_used_is_refused(name: str, message: str, tmp_path: Path) -> None:
     program(tmp_path / "bin/python")
-
     found = problem({PYTHON_VARIABLE: f"{tmp_path}/bin/{name}"}, ros_prefix(tmp_path / "root/jazzy").parent)
     assert re.search(rf"^{PYTHON_VARIABLE} is {tmp_path}/bin/{name}, .*{message}", found)
 
@@ -117,13 +108,11 @@ def test_a_named_python_that_cannot_be_used_is_refused(name: str, message: str, 
 def test_wheels_are_suggested_for_a_virtual_environment(tmp_path: Path) -> None:
     python = program(tmp_path / "bin/python")
     written(tmp_path / "pyvenv.cfg", "")
-
     assert f"has no rclpy; run {python} -m pip install ros-" in problem({PYTHON_VARIABLE: str(python)}, tmp_path)
 
 
 def test_other_distributions_are_refused(tmp_path: Path) -> None:
     environment = {"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path / "foxy", "1.0.5"))}
-
     message = problem(environment, ros_prefix(tmp_path / "root/jazzy").parent)
     assert "foxy (from the sourced environment) is foxy (rclpy 1.0.5)" in message
     assert "supports jazzy, kilted, lyrical, humble" in message
@@ -141,14 +130,12 @@ def test_distributions_are_known_by_rclpy_or_their_folder(name: str, version: st
 )
 def test_an_unknown_distribution_is_refused(text: str, said: str, tmp_path: Path) -> None:
     written(ros_prefix(tmp_path) / "share/rclpy/package.xml", text)
-
     assert f"of an unknown distribution {said}" in problem({"AMENT_PREFIX_PATH": str(tmp_path)}, tmp_path / "absent")
 
 
 @pytest.mark.parametrize("wheels", [False, True])
 def test_missing_parts_are_named(wheels: bool, tmp_path: Path) -> None:
     prefix = ros_prefix(tmp_path, missing="rmw_fastrtps_cpp", wheels=wheels)
-
     message = problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
     install = f"run {prefix}/bin/python -m pip install ros-jazzy-rclpy" if wheels else "ros-jazzy-rmw-fastrtps-cpp"
     assert "has no rmw_fastrtps_cpp; run" in message
@@ -168,13 +155,11 @@ def test_an_interpreter_is_found_on_path_or_named(tmp_path: Path, monkeypatch: p
 def test_a_prefix_without_its_module_is_refused(tmp_path: Path) -> None:
     prefix = ros_prefix(tmp_path)
     (prefix / "lib/python3.12/site-packages/rclpy").rmdir()
-
     assert "has no Python module rclpy" in problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
 
 
 def test_other_middleware_is_refused(tmp_path: Path) -> None:
     message = problem({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, tmp_path)
-
     assert message == (
         "RMW_IMPLEMENTATION is rmw_cyclonedds_cpp, and lock-step needs Fast DDS; set "
         "RMW_IMPLEMENTATION=rmw_fastrtps_cpp, or unset it"
@@ -184,7 +169,6 @@ def test_other_middleware_is_refused(tmp_path: Path) -> None:
 def test_relative_prefixes_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ros_prefix(tmp_path / "ros")
     monkeypatch.chdir(tmp_path)
-
     assert "not installed" in problem({"AMENT_PREFIX_PATH": "ros"}, tmp_path / "absent")
 
 
@@ -216,7 +200,6 @@ def test_variables_are_extended_once(tmp_path: Path) -> None:
         "unknown;A;b\n",
     )
     found = set_up([tmp_path], {"A": "before", "B": "other"}).variables
-
     a = ["/absolute", f"{tmp_path}/share", f"{tmp_path}/two", f"{tmp_path}/one", "before", f"{tmp_path}/last"]
     assert found == {"A": ":".join(a), "AMENT_PREFIX_PATH": str(tmp_path)}
 
@@ -224,7 +207,6 @@ def test_variables_are_extended_once(tmp_path: Path) -> None:
 def test_variables_are_set(tmp_path: Path) -> None:
     installed(tmp_path, "p", "set;A;share\nset;B;text;more\nset-if-unset;C;new\nset-if-unset;D;new\nset;E;\n")
     found = set_up([tmp_path], {"A": "old", "C": "old"}).variables
-
     assert (found["A"], found["B"], found["D"]) == (f"{tmp_path}/share", "text;more", "new")
     assert "C" not in found
 

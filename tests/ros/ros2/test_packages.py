@@ -41,7 +41,6 @@ def test_isolated_and_merged_layouts_are_found(tmp_path: Path) -> None:
     first = isolated(tmp_path / "isolated", "a", "b")
     written(tmp_path / "isolated/install/other/share/x", "")
     merged = installed(installed(tmp_path / "merged/install", "a"), "b")
-
     for folder in (tmp_path / "isolated", tmp_path / "isolated/install"):
         assert prefixes_in(folder) == tuple(first)
     for folder in (tmp_path / "merged", merged):
@@ -66,7 +65,6 @@ def test_sources_are_found_anywhere_but_in_what_a_build_has_left(tmp_path: Path)
     manifest(tmp_path / "build/copy", "copy")
     manifest(tmp_path / "ignored/p", "p")
     written(tmp_path / "ignored/COLCON_IGNORE", "")
-
     assert list(Packages.around(tmp_path, None).sources) == ["robot"]
 
 
@@ -89,7 +87,6 @@ def test_executables_are_installed_files_and_entry_points(tmp_path: Path) -> Non
     setup_text = SETUP.replace("entry", "scripts=['bin/run.py'], entry")
     folder = source(tmp_path / "ws", files={"setup.py": setup_text, "bin/run.py": ""})
     packages = Packages.around(tmp_path / "ws", here)
-
     assert packages.executables("built") == {"talker": talker}
     assert packages.executables("my_robot") == {"mover": None, "run.py": folder / "bin/run.py"}
     assert packages.executables("geometry_msgs") == {"talker": of_ros}
@@ -103,7 +100,6 @@ def test_the_environment_has_workspaces_before_ros(tmp_path: Path) -> None:
     folder = source(tmp_path / "ws")
     (tmp_path / "scratch").mkdir()
     variables = Packages.around(tmp_path / "ws", here).set_up(tmp_path / "scratch")
-
     prefixes = variables["AMENT_PREFIX_PATH"].split(":")
     overlay = Path(prefixes[0])
     assert prefixes[1:] == [str(built), str(built.with_name("other")), str(here.prefix)]
@@ -149,7 +145,6 @@ def test_the_command_of_a_program_is_that_of_its_kind(tmp_path: Path) -> None:
         program(prefix / "lib/p" / name, text)
     packages = Packages.around(tmp_path, here)
     lib = prefix / "lib/p"
-
     assert packages.command("p", "talker", tmp_path) == [str(lib / "talker")]
     assert packages.command("p", "run.sh", tmp_path) == [str(lib / "run.sh")]
     assert packages.command("p", "mover", tmp_path) == [str(here.python), str(lib / "mover")]
@@ -189,7 +184,6 @@ def setup(arguments: str, before: str = "") -> str:
 )
 def test_entry_points_in_setup_py_are_read(text: str, tmp_path: Path) -> None:
     found = package(tmp_path, setup_py=text)
-
     assert (found.entry_points, found.unread, found.is_python, found.modules) == (MOVER, "", True, tmp_path)
 
 
@@ -197,7 +191,6 @@ def test_entry_points_in_other_files_are_read(tmp_path: Path) -> None:
     cfg = "[options.entry_points]\nconsole_scripts =\n    mover = my_robot.mover:main\n"
     toml = '[project]\nname = "my_robot"\n[project.scripts]\nlistener = "my_robot.listener:Node.main"\n'
     found = package(tmp_path, setup_py=setup(""), setup_cfg=cfg, pyproject_toml=toml)
-
     assert found.entry_points == {**MOVER, "listener": "my_robot.listener:Node.main"}
 
 
@@ -207,7 +200,6 @@ def test_entry_points_in_other_files_are_read(tmp_path: Path) -> None:
 )
 def test_computed_entry_points_are_not_run(arguments: str, tmp_path: Path) -> None:
     found = package(tmp_path, setup_py=setup(arguments))
-
     assert (found.entry_points, found.unread) == ({}, "setup.py")
 
 
@@ -236,7 +228,6 @@ def test_scripts_and_the_folder_of_modules_are_read(tmp_path: Path) -> None:
     written(tmp_path.parent / "outside.py", "")
     scripts = "scripts=['scripts/mover.py', 'scripts/absent.py', '../outside.py', 1]"
     found = package(tmp_path, setup_py=setup(f"{scripts}, package_dir={{'': 'lib'}}"))
-
     assert (found.scripts, found.modules) == ((tmp_path / "scripts/mover.py",), tmp_path / "lib")
 
 
@@ -258,7 +249,6 @@ def test_files_outside_of_the_package_are_not_read(tmp_path: Path) -> None:
     manifest(folder, "p")
     (folder / "setup.py").symlink_to(tmp_path / "secret.py")
     (folder / "setup.cfg").symlink_to(folder / "setup.cfg")
-
     assert read_package("p", folder).entry_points == {}
 
 

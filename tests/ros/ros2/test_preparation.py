@@ -194,7 +194,6 @@ def test_libraries_that_packages_in_python_need_are_built(tmp_path: Path, wheels
     package(tmp_path / "src/driver", "driver", "rclcpp")
     package(tmp_path / "src/nodes", "nodes", "tf_py", "driver", build_type="ament_python")
     seen = {**os.environ, "BUILT": os.devnull}
-
     assert sorted(prepare(tmp_path, wheels, tmp_path / "cache", seen)) == [
         "a: built",
         "driver: not built, because it needs 'rclcpp', which is not there or cannot be built",

@@ -80,7 +80,6 @@ def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[gra
 def test_the_last_twist_holds() -> None:
     commands = received_commands.ReceivedCommands([DRIVE])
     assert commands.answer(moment()) is None
-
     commands.take("/cmd_vel", twist(0.1), "/mover", moment())
     commands.take("/cmd_vel", {"header": {}, "twist": twist(0.4)}, "/mover", moment())
     assert commands.answer(moment(0.1)) == Twist.planar(0.4, 0.2)
@@ -90,7 +89,6 @@ def test_the_last_twist_holds() -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_twist_that_is_not_finite_names_node_and_topic(bad: float) -> None:
     commands = received_commands.ReceivedCommands([DRIVE])
-
     with pytest.raises(ScriptError, match=r"'/mover' sent a bad command on /cmd_vel: .* not finite"):
         commands.take("/cmd_vel", twist(bad), "/mover", moment())
 
@@ -103,7 +101,6 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
     seen = moment(joints={"a": 0.0})
     points = [{"positions": [1.0], "velocities": [], "accelerations": [], "time_from_start": {"sec": 1, "nanosec": 0}}]
     trajectory = {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "joint_names": ["a"], "points": points}
-
     commands.take("/cmd_vel", twist(), "/mover", seen)
     commands.take("/joint_trajectory", trajectory, "/arm", seen)
     answer = commands.answer(moment(0.5, joints={"a": 0.0}))
@@ -138,7 +135,6 @@ def test_subscribers_that_cannot_connect_are_named(
     offered: graph.Qos, subscriber: graph.TopicEnd, problem: str | None
 ) -> None:
     found = list(graph.subscriber_problems("/topic", TWIST, offered, [subscriber]))
-
     assert len(found) == (problem is not None)
     assert all(each.startswith("'/mover' subscribes to /topic") and str(problem) in each for each in found)
 
@@ -199,7 +195,6 @@ def test_trajectories_are_followed_as_in_ros_1(
     points = [point(0.5 * (number + 1), *group) for number, group in enumerate(stated)]
     ours = receiver(needs_all=False)
     ours.take(trajectory(["b", "a"], *points), AT_REST)
-
     start = [Waypoint(2.0, -0.5, 0.0, 0.0), Waypoint(2.0, 0.5, 0.0, 0.0)]
     theirs = joint_curves(
         ["b", "a"], start, [TrajectoryPoint(2.0 + 0.5 * (number + 1), *group) for number, group in enumerate(stated)]
@@ -214,7 +209,6 @@ def test_trajectories_are_followed_as_in_ros_1(
 
 def test_a_controller_holds_its_joints_before_and_after_a_trajectory() -> None:
     it = receiver()
-
     assert answered(it, 0.0).position == {"a": 0.5, "b": -0.5}
     it.take(trajectory(["a", "b"], point(1.0, [1.0, 1.0])), AT_REST)
     assert answered(it, 2.5).position == pytest.approx({"a": 0.75, "b": 0.25})
@@ -225,7 +219,6 @@ def test_a_controller_holds_its_joints_before_and_after_a_trajectory() -> None:
 def test_joints_that_no_trajectory_names_are_left_as_they_are() -> None:
     it = receiver(needs_all=False)
     assert it.answer(AT_REST) is None
-
     it.take(trajectory(["b"], point(1.0, [0.5])), AT_REST)
     assert answered(it, 2.5).position == {"b": 0.0}
 
@@ -235,7 +228,6 @@ def test_a_new_trajectory_starts_from_the_present_state_of_the_last_one() -> Non
     it.take(trajectory(["a"], point(1.0, [1.5], [0.0])), AT_REST)
     before = answered(it, 2.5)
     it.take(trajectory(["a"], point(1.0, [0.0], [0.0])), moment(2.5, joints={"a": 9.0, "b": 0.0}))
-
     assert answered(it, 2.5).position == before.position
     assert answered(it, 2.5 + 1e-6).velocity["a"] == pytest.approx(before.velocity["a"], abs=1e-4)
 
@@ -244,7 +236,6 @@ def test_a_stamp_sets_the_start_and_a_trajectory_that_has_begun_goes_on_from_its
     it = receiver(needs_all=False)
     it.take(trajectory(["a"], point(1.0, [1.5]), stamp=5.0), AT_REST)
     assert answered(it, 4.0).position["a"] == pytest.approx(1.0)
-
     it.take(trajectory(["a"], point(0.0, [3.0]), point(2.0, [5.0]), stamp=1.0), AT_REST)
     assert answered(it, 2.5).position["a"] == pytest.approx(4.5, abs=0.01)
 
@@ -252,14 +243,12 @@ def test_a_stamp_sets_the_start_and_a_trajectory_that_has_begun_goes_on_from_its
 def test_a_point_at_the_start_is_reached_at_once() -> None:
     it = receiver(needs_all=False)
     it.take(trajectory(["a"], point(0.0, [1.0])), AT_REST)
-
     assert answered(it, 2.0).position == {"a": 1.0}
 
 
 def test_targets_stay_within_the_limits_of_joints() -> None:
     it = received_commands.TrajectoryReceiver([joint("a", 1.0)])
     it.take(trajectory(["a"], point(0.1, [7.0])), AT_REST)
-
     assert answered(it, 2.05).position == {"a": 1.0}
     assert answered(it, 2.05).velocity == {"a": 1.0}
 
@@ -308,7 +297,6 @@ def test_trajectories_that_a_controller_refuses(message: Message, problem: str) 
 )
 def test_values_are_passed_on_within_limits(reading: Any, before: dict[str, float] | None, after: Any) -> None:
     it = received_commands.ValuesReceiver([joint("a", 1.0), joint("b", 1.0)], reading)
-
     held = it.answer(AT_REST)
     assert (None if held is None else getattr(held, reading)) == before
     it.take({"layout": {}, "data": array("d", [3.0, -0.25])}, AT_REST)
@@ -333,7 +321,6 @@ def test_controllers_have_the_topics_of_ros2_control(tmp_path: Path) -> None:
     arm = JointController(trajectory=("shoulder_*", "elbow_joint"))
     wrist = JointController(position=("wrist_2_joint", "wrist_1_joint"))
     controllers = {"arm_controller": arm, "wrist": wrist}
-
     found = {each.topic: each for each in channels(there, {"wrist": "/w"}, 100.0, controllers).subscriptions}
     assert {topic: each.type for topic, each in found.items()} == {
         "/arm_controller/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
@@ -341,7 +328,6 @@ def test_controllers_have_the_topics_of_ros2_control(tmp_path: Path) -> None:
     }
     assert arm.joints(there.model) == ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint")
     assert not list(controller_problems(there, controllers))
-
     commands = received_commands.ReceivedCommands(found.values())
     commands.take("/w", {"data": array("d", [0.1, 0.2])}, "/node", resting(there))
     answer = commands.answer(resting(there))
@@ -353,7 +339,6 @@ def test_controllers_have_the_topics_of_ros2_control(tmp_path: Path) -> None:
 def test_without_controllers_any_joint_follows_trajectories_except_those_of_the_drive(tmp_path: Path) -> None:
     arm = scene(tmp_path, ARM, robot=", base: fixed")
     (subscription,) = channels(arm, {}, 100.0).subscriptions
-
     assert subscription.topic == "/joint_trajectory"
     assert topics_of(arm, {"joint_trajectory": "/arm/joint_trajectory"})["joint_trajectory"] == "/arm/joint_trajectory"
     assert "joint_trajectory" not in topics_of(scene(tmp_path), {})
@@ -367,7 +352,6 @@ def test_controllers_that_do_not_fit_the_robot_are_named(tmp_path: Path) -> None
         "other": JointController(effort=("elbow_joint",)),
     }
     found = {(*map(str, path), message) for path, message in controller_problems(there, controllers)}
-
     assert any(path == "joint_states" and "already the name of another topic" in said for path, *_, said in found)
     assert ("other", "effort", "joint 'elbow_joint' already obeys the controller 'arm'") in found
     assert any("no moving joint 'elbow'" in said for *_, said in found)

@@ -32,7 +32,6 @@ def refusal(value: Any) -> str:
 )
 def test_a_node_in_short_is_an_executable_or_a_file(short: str, full: dict[str, str]) -> None:
     node = NODE.validate_python(short)
-
     assert node == NODE.validate_python(full)
     assert node.program == short
     assert node.called == "mover"
@@ -49,7 +48,6 @@ def test_a_node_in_short_is_an_executable_or_a_file(short: str, full: dict[str, 
 )
 def test_a_node_in_short_has_two_parts(short: str, hint: str) -> None:
     message = refusal(short)
-
     assert message.startswith("the short form of a node is package/executable, or a file such as ./mover.py, found ")
     assert message.endswith(f"'{short}'{hint}")
 
@@ -79,7 +77,6 @@ def test_all_keys_of_a_node_are_read() -> None:
         "required": True,
     }
     node = NODE.validate_python(given)
-
     assert node.called == "left"
     assert node.arguments == ("--fast", "a b")
     assert node.parameters == {"speed": 0.5, "gains": [1.0, 2.0], "nested": {"on": True, "names": []}}

@@ -20,7 +20,6 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="nodes are watched by
 @pytest.mark.parametrize("text", ["1e3", "nan", "infinity", "0x1p3", "yes", "1", "", "a b", "caf\u00e9", "x " * 80])
 def test_a_parameter_that_is_a_text_stays_one(text: str) -> None:
     written = parameter_file({"label": text, "labels": [text]})
-
     assert written.count(': "') + written.count('- "') == 2
     assert yaml.safe_load(written) == {"/**": {"ros__parameters": {"label": text, "labels": [text]}}}
 

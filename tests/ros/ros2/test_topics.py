@@ -31,7 +31,6 @@ ROBOT = """
 def test_a_robot_has_the_topics_types_and_qualities_of_ros_gz_bridge(tmp_path: Path) -> None:
     found = channels(scene(tmp_path, more=SENSORS), {}, RATE)
     usual, latched = ("reliable", "volatile", 10), ("reliable", "transient_local", 1)
-
     assert {each.topic: (each.type, tuple(each.qos.as_dict().values())) for each in found.publishers} == {
         "/joint_states": ("sensor_msgs/msg/JointState", usual),
         "/odom": ("nav_msgs/msg/Odometry", usual),
@@ -52,7 +51,6 @@ def test_a_robot_has_the_topics_types_and_qualities_of_ros_gz_bridge(tmp_path: P
 
 def test_an_arm_that_is_fixed_has_no_odometry_and_no_twist(tmp_path: Path) -> None:
     there = scene(tmp_path, ARM, robot=", base: fixed")
-
     assert set(topics_of(there, {})).isdisjoint({"odom", "cmd_vel"})
     tf = first_message(channels(there, {}, RATE), "/tf", resting(there))
     assert {each["header"]["frame_id"] for each in tf["transforms"]}.isdisjoint({"odom", "world"})
@@ -61,7 +59,6 @@ def test_an_arm_that_is_fixed_has_no_odometry_and_no_twist(tmp_path: Path) -> No
 def test_stated_topics_take_the_place_of_usual_ones(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
     found = channels(there, {"cmd_vel": "base/cmd_vel", "eye": "/front/image", "lidar": "/scan_raw"}, RATE)
-
     assert found.subscriptions[0].topic == "/base/cmd_vel"
     assert {"/scan_raw", "/front/image", "/front/camera_info"} <= {each.topic for each in found.publishers}
 
@@ -69,7 +66,6 @@ def test_stated_topics_take_the_place_of_usual_ones(tmp_path: Path) -> None:
 def test_topics_and_frames_of_a_robot_begin_with_its_namespace(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
     found = channels(there, {"cmd_vel": "drive", "imu": "/imu2"}, RATE, space="/a/b")
-
     assert found.subscriptions[0].topic == "/a/b/drive"
     topics = {each.topic for each in found.publishers}
     assert {"/tf", "/tf_static", "/imu2", "/a/b/scan", "/a/b/eye/camera_info", "/a/b/robot_description"} < topics
@@ -89,7 +85,6 @@ def test_topics_and_frames_of_a_robot_begin_with_its_namespace(tmp_path: Path) -
 
 def test_unknown_keys_and_topics_used_twice_are_named(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
-
     (path, unknown), (_, twice) = topic_problems(there, {"lidr": "/s", "imu": "/scan"})
     assert path == ("lidr",)
     assert "the robot has no 'lidr'; did you mean 'lidar'?" in unknown
@@ -99,7 +94,6 @@ def test_unknown_keys_and_topics_used_twice_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("topic", ["/clock", "tf", "/robot_description", "/rosout"])
 def test_topics_that_every_robot_has_are_not_stated(tmp_path: Path, topic: str) -> None:
     ((path, message),) = topic_problems(scene(tmp_path), {"cmd_vel": topic})
-
     assert path == ("cmd_vel",)
     assert message == f"'/{topic.strip('/')}' is a topic that every robot has; choose another one"
 
@@ -117,7 +111,6 @@ def test_topics_beside_the_image_of_a_camera_are_taken(
 ) -> None:
     one = "  - {{camera: {{width: 4, height: 2}}, name: {}, rate: 10 Hz}}\n"
     there = scene(tmp_path, more=SENSORS if camera == "eye" else f"sensors:\n{one.format('left')}{one.format('right')}")
-
     ((path, message),) = topic_problems(there, stated)
     assert (path, message) == ((key,), f"'{topic}' is already a topic of the camera '{camera}'")
 
@@ -128,7 +121,6 @@ def test_topics_beside_the_image_of_a_camera_are_taken(
 def test_states_are_evenly_spaced_at_most_50_times_per_second(ticks: float, interval: int) -> None:
     schedule = states_schedule(ticks)
     due = [tick for tick in range(2001) if schedule.is_due(tick)]
-
     assert {after - before for before, after in pairwise(due)} == {interval}
 
 
@@ -136,7 +128,6 @@ def test_odometry_is_in_the_frame_of_the_base(tmp_path: Path) -> None:
     found = channels(scene(tmp_path), {}, RATE)
     turned = Pose((1.0, 2.0, 0.0), quaternion_from_rpy(0.0, 0.0, 1.5707963267948966))
     odometry = first_message(found, "/odom", moment(0.02, turned, Twist((0.0, 0.3, 0.0), (0.0, 0.0, 0.4))))
-
     assert odometry["header"] == {"stamp": {"sec": 0, "nanosec": 20_000_000}, "frame_id": "odom"}
     assert odometry["child_frame_id"] == "base_footprint"
     assert odometry["pose"]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": 0.0}
@@ -148,7 +139,6 @@ def test_odometry_is_in_the_frame_of_the_base(tmp_path: Path) -> None:
 def test_a_sensor_of_odometry_takes_the_place_of_the_truth_also_in_tf(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
     found, seen = channels(there, {}, RATE), resting(there, pose=Pose((5.0, 0.0, 0.0)))
-
     assert first_message(found, "/odom", seen)["pose"]["pose"]["position"]["x"] == 1.0
     base = first_message(found, "/tf", seen)["transforms"][0]
     assert (base["header"]["frame_id"], base["child_frame_id"]) == ("odom", "base_footprint")
@@ -163,7 +153,6 @@ def test_each_reading_is_published_once_with_its_own_time(tmp_path: Path) -> Non
     there = scene(tmp_path, more=SENSORS)
     found, seen = channels(there, {}, RATE), resting(there, 0.2)
     scan = publisher(found, "/scan")
-
     message = scan.message(20, seen)
     assert message is not None
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 200_000_000}, "frame_id": "base_scan"}
@@ -178,7 +167,6 @@ def test_joint_states_are_those_of_all_joints_that_move_and_descriptions_come_on
     there = scene(tmp_path)
     seen = resting(there, joints={"wheel_left_joint": 1.0, "wheel_right_joint": 2.0})
     message = first_message(channels(there, {}, RATE), "/joint_states", seen)
-
     assert message["name"] == ["wheel_left_joint", "wheel_right_joint"]
     found = channels(there, {}, RATE)
     assert "<robot" in first_message(found, "/robot_description", seen)["data"]
@@ -190,7 +178,6 @@ def test_joint_states_are_those_of_all_joints_that_move_and_descriptions_come_on
 def test_a_robot_state_publisher_keeps_the_frames_of_links(tmp_path: Path) -> None:
     there = scene(tmp_path, more=SENSORS)
     found, seen = channels(there, {}, RATE, described=True), resting(there)
-
     assert [each["child_frame_id"] for each in first_message(found, "/tf", seen)["transforms"]] == ["base_footprint"]
     static = first_message(found, "/tf_static", seen)["transforms"]
     assert [each["child_frame_id"] for each in static] == ["eye_optical_frame"]
@@ -203,12 +190,10 @@ def test_a_sensor_measures_in_the_frame_of_its_link_or_in_a_frame_of_its_own(tmp
     assert frames.mounted == (own,)
     names = {"lidar": "base_scan", "wheels": "base_footprint", "eye": "eye_optical_frame"}
     assert {name: frames.sensors[name] for name in names} == names
-
     more = "sensors: [{lidar: {}, name: front lidar, link: base_scan, pose: {z: 0.2 m}}]\n"
     frames = RobotFrames.of(scene(tmp_path, more=more))
     assert frames.sensors["front lidar"] == "front_lidar_frame"
     assert frames.mounted == (("base_scan", "front_lidar_frame", Pose((0.0, 0.0, 0.2))),)
-
     # Names of links are not used twice.
     (tmp_path / "r.urdf").write_text(ROBOT, encoding="utf-8")
     frames = RobotFrames.of(scene(tmp_path, "r.urdf", "sensors: [{camera: {}, name: eye}]\n"))
@@ -221,5 +206,4 @@ def test_every_link_has_one_parent(tmp_path: Path) -> None:
         frames = RobotFrames.of(there)
         moving = list(frames.links.at({name: joint.position for name, joint in resting(there).joints.items()}))
         children = [child for _, child, _ in (*frames.links.fixed, *moving)]
-
         assert sorted(children) == sorted(link.name for link in there.model.links if link.name != frames.base)

@@ -57,7 +57,6 @@ GOOD = [
 def test_nodes_of_the_workspace_are_found(ros1: str, tmp_path: Path) -> None:
     workspace(tmp_path)
     (source,) = load(tmp_path, text(ros1)).scenario.commands
-
     assert isinstance(source, RosCommands)
     assert source.rate == 120
 
@@ -88,9 +87,7 @@ BAD = [
 @pytest.mark.parametrize(("ros1", "line", "column", "message"), BAD)
 def test_what_is_wrong_is_told_with_its_place(ros1: str, line: int, column: int, message: str, tmp_path: Path) -> None:
     workspace(tmp_path)
-
     problems = told(tmp_path, text(ros1))
-
     assert [said for said in problems if said.startswith(f"{line}:{column}: ") and message in said], problems
 
 
@@ -100,9 +97,7 @@ def test_what_is_wrong_is_told_with_its_place(ros1: str, line: int, column: int,
 )
 def test_a_package_that_nobody_has_is_told_with_the_nearest(ros1: str, column: int, tmp_path: Path) -> None:
     workspace(tmp_path)
-
     (problem,) = told(tmp_path, text(ros1))
-
     assert problem.startswith(f"5:{column}: ")
     assert "there is no package 'drver'" in problem
     assert "did you mean 'driver'?" in problem
@@ -110,18 +105,14 @@ def test_a_package_that_nobody_has_is_told_with_the_nearest(ros1: str, column: i
 
 def test_nodes_are_refused_where_scripts_are(tmp_path: Path) -> None:
     workspace(tmp_path)
-
     file = load(tmp_path, text(GOOD[2])).source.path
-
     with pytest.raises(InvalidScenario, match=r"5:3: commands\.ros1: no scripts here"):
         load_scenario(file, Permissions(scripts_refused="no scripts here"))
 
 
 def test_a_rate_that_falls_between_physics_steps_is_told_with_those_that_do_not(tmp_path: Path) -> None:
     workspace(tmp_path)
-
     (problem,) = told(tmp_path, text(GOOD[2]) + "physics: {rate: 200 Hz}\n")
-
     assert "nearest: 100 Hz and 200 Hz" in problem
 
 
@@ -132,7 +123,6 @@ def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, m
     try:
         loaded = load(tmp_path, text(GOOD[2]))
         source = loaded.scenario.commands[0]
-
         assert any("apt-get install --no-install-recommends python3-rospy" in remark for remark in loaded.unchecked)
         with pytest.raises(SourceProblem, match="ROS 1 is not installed") as raised:
             source.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))

@@ -31,9 +31,7 @@ def test_a_sitecustomize_that_was_there_is_read_after_ours(tmp_path: Path) -> No
     modules = "rospy.wait_for_message.__module__, rospy.client.get_param.__module__"
     code = f"import rospy, rospy.client, sys; print(sys.hooked, {modules})"
     variables = {**os.environ, "PYTHONPATH": f"{ours}{os.pathsep}{theirs}"}
-
     said = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=True)
-
     assert said.stdout.split() == ["True", node_start.PATCHES, "rospy.client"]
 
 
@@ -116,9 +114,7 @@ LATE_TEST = """<launch>
 @needs_ros
 def test_who_comes_late_is_heard_and_hears_at_once(tmp_path: Path) -> None:
     package(tmp_path / "ws", "late", {"late.py": LATE, "late.test": LATE_TEST})
-
     found = launched(tmp_path / "run", LaunchRequest("rostest", "late", "late.test", workspace=tmp_path / "ws"))
-
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert [case.text for case in test.methods.cases] == ["", "", ""], found.text

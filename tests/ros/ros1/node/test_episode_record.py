@@ -26,9 +26,7 @@ def test_a_replay_that_cannot_be_written_is_a_note_beside_the_trace(tmp_path: Pa
     record = EpisodeRecord()
     record.begin(episode)
     (tmp_path / REPLAY_FILE).mkdir()
-
     record.store(tmp_path)
-
     assert (tmp_path / TRACE_FILE).is_file()
     (note,) = record.notes
     assert note.startswith("no replay was written: ")

@@ -19,9 +19,7 @@ pytestmark = [needs_ros, pytest.mark.process]
 
 def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
-
     found = launched(tmp_path / "run", LaunchRequest("rostest", "probe", "probe.test", workspace=tmp_path / "ws"))
-
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}
@@ -34,10 +32,8 @@ def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
 def test_planar_move_and_controllers(tmp_path: Path) -> None:
     files = {"machine.urdf": MACHINE, "machine.test": MACHINE_LAUNCH, "test_machine.py": MACHINE_TEST}
     package(tmp_path / "ws", "machine", files)
-
     request = LaunchRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws", allows_losses=True)
     found = launched(tmp_path / "run", request)
-
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
@@ -58,11 +54,9 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
 def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path, again: int) -> None:
     files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
     folder = package(tmp_path / "ws", "cart", files)
-
     request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
     found = launched(tmp_path / "run", request)
     first = told(found)
-
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
@@ -82,10 +76,8 @@ def test_a_sensor_without_a_valid_pose_is_an_invalid_robot(tmp_path: Path) -> No
     urdf = CART.replace("</robot>", f'<gazebo reference="base_link">{sensor}</gazebo></robot>')
     files = {"cart.urdf": urdf, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
     package(tmp_path / "ws", "cart", files)
-
     request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
     failure = told(launched(tmp_path / "run", request)).failure
-
     assert failure is not None
     assert (failure.kind, failure.message) == ("invalid", "<pose> is '0 0 high': expected 6 finite numbers")
 
@@ -94,9 +86,7 @@ def test_robots_in_sdf(tmp_path: Path) -> None:
     files = {"models/rover/model.sdf": ROVER, "yard.world": YARD, "yard.test": YARD_TEST, "test_yard.py": TEST}
     package(tmp_path / "ws", "yard", files)
     (tmp_path / "ws/src/yard/package.xml").write_text(PACKAGE)
-
     found = launched(tmp_path / "run", LaunchRequest("rostest", "yard", "yard.test", workspace=tmp_path / "ws"))
-
     (test,) = found.tests
     assert test.methods is not None, found.text
     assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text

@@ -94,9 +94,7 @@ def test_it_reaches_its_velocity_at_once(engine: Literal["pybullet", "mujoco"], 
         time_limit=2.0,
         backend=engine,
     )
-
     run = simulate(scenario, Scene(robot, model, World(), scenario.physics, workspace, 0), lambda _: None)
-
     way = run.trace.base_position_xyz[-1, :2] - run.trace.base_position_xyz[0, :2]
     assert way == pytest.approx([0.6, 0.8], abs=0.015)
 

@@ -35,9 +35,7 @@ def test_the_end_does_not_wait_for_a_simulation_that_answers_no_more(
     monkeypatch.setattr(spawn_model.rospy, "ServiceException", OSError)
     monkeypatch.setattr(spawn_model.rospy, "ROSException", OSError)
     monkeypatch.setattr(spawn_model, "_service", lambda *_: lambda model: calls.append(("delete", model)))
-
     spawn_model._stay("/gazebo", "two")
-
     assert [name for name, _ in calls] == ["spin", "alarm", "delete"]
     _, (_, seconds), (_, model) = calls
     assert 0 < seconds < PATIENCE_OF_ROSLAUNCH_S

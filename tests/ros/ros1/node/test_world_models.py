@@ -31,7 +31,6 @@ def places(models: world_models.WorldModels) -> dict[str, tuple[float, float, fl
 
 def test_what_comes_and_goes_after_the_ground() -> None:
     one = world_models.WorldModels(World()).with_body(box("a")).with_body(box("b"))
-
     assert replace(one, robot=ROBOT).names == ("ground_plane", "a", "b", "rover")
     assert places(one).keys() == {"a", "b"}
     assert places(one.with_body(box("a", THERE)))["a"] == THERE.position_xyz
@@ -43,7 +42,6 @@ def test_all_are_at_home_again_however_often_they_were_moved() -> None:
     first = world_models.WorldModels(World(objects=(box("wall"),)), ROBOT)
     moved = first.moved({"wall": THERE, "rover": THERE}, {"wheel": 2.0}).moved({"wall": AWAY, "rover": HERE})
     back = moved.at_spawn_poses()
-
     assert places(moved) == {"wall": AWAY.position_xyz}
     assert moved.robot is not None
     assert (moved.robot.pose, moved.robot.joints) == (HERE, {"wheel": 2.0})
@@ -56,14 +54,12 @@ def test_what_comes_in_the_place_of_another_has_a_home_of_its_own() -> None:
     first = world_models.WorldModels(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
     again = first.without("wall").with_body(box("wall", AWAY)).without("rover")
     after = again.moved({"wall": HERE})
-
     assert places(after.at_spawn_poses()) == {"wall": AWAY.position_xyz}
 
 
 def test_pushes_go_on_where_they_were_and_end_when_they_did() -> None:
     pushes = (Disturbance.model_validate({"at": at, "for": lasts, "force": (1.0, 0.0, 0.0)}) for at, lasts in TIMES)
     after = world_models.WorldModels(World(disturbances=tuple(pushes)), ROBOT).after(2.0)
-
     left = [(push.at, push.duration) for push in after.world.disturbances]
     assert left == [(0.0, 1.0), (1.0, 1.0)]
     assert after.at_spawn_poses().world.disturbances == ()
@@ -77,7 +73,6 @@ ANGLES = st.floats(-math.pi, math.pi)
 def test_a_placement_is_where_the_pose_is(roll: float, pitch: float, yaw: float) -> None:
     pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(roll, pitch, yaw))
     placed: Placement = Placement.of(pose)
-
     assert (placed.x, placed.y, placed.z) == (1.0, 2.0, 3.0)
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
         assert rotate(placed.orientation_xyzw, axis) == pytest.approx(rotate(pose.orientation_xyzw, axis), abs=1e-6)
@@ -119,10 +114,8 @@ def test_who_asks_waits_until_the_change_is_made() -> None:
     asking = Asking(changes, lambda models: replace(models, robot=spawned("rover")))
     wait_for(changes)
     assert asking.is_alive()
-
     models, restarts = changes.apply(EMPTY)
     asking.join()
-
     assert models.names == ("ground_plane", "rover")
     assert (asking.answer, restarts, changes.has_pending()) == (None, False, False)
 
@@ -151,7 +144,6 @@ def efforts_in(answer: Answer) -> dict[str, float]:
 def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
     efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 1.0, 0.5)
-
     times = [0.99, 1.0, 1.49, 1.5, 1.6]
     assert [efforts_in(efforts.added_to(None, time, NONE)) for time in times] == [
         {},
@@ -167,7 +159,6 @@ def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
     efforts.apply("a", 2.0, 0.0, -1.0)
     efforts.apply("a", 3.0, 0.0, 1.0)
     efforts.apply("b", 1.0, 0.0, -1.0)
-
     assert efforts_in(efforts.added_to(None, 0.5, NONE)) == {"a": 5.0, "b": 1.0}
     assert efforts_in(efforts.added_to(None, 1e6, NONE)) == {"a": 2.0, "b": 1.0}
     efforts.clear("a")
@@ -179,7 +170,6 @@ def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:
 def test_they_come_after_what_moves_the_joint_otherwise() -> None:
     efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 0.0, 1.0)
-
     held = JointTargets(position={"a": 1.0})
     *_, last = commands_of(efforts.added_to(held, 0.5, NONE))
     assert last == JointTargets(effort={"a": 2.0})
@@ -191,7 +181,6 @@ def test_they_come_after_what_moves_the_joint_otherwise() -> None:
 def test_wheels_that_a_twist_turns_are_the_drives() -> None:
     efforts = world_models.JointEfforts()
     efforts.apply("wheel", 2.0, 0.0, -1.0)
-
     assert efforts_in(efforts.added_to(None, 0.0, frozenset({"wheel"}))) == {"wheel": 2.0}
     assert efforts_in(efforts.added_to(Twist(), 0.1, frozenset({"wheel"}))) == {}
 
@@ -199,7 +188,6 @@ def test_wheels_that_a_twist_turns_are_the_drives() -> None:
 def test_a_model_whose_base_link_is_not_at_its_origin() -> None:
     frame = world_models.ModelFrame(Pose((1.0, 0.0, 0.2)))
     turned = Pose((0.0, 0.0, 0.2), quaternion_from_rpy(0, 0, math.pi / 2))
-
     assert frame.pose(turned).position_xyz == pytest.approx((0, -1, 0))
     assert frame.base_pose(frame.pose(turned)).position_xyz == pytest.approx(turned.position_xyz)
     # The origin goes around the base link at a radius of 1 m.

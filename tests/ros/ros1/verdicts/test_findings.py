@@ -48,7 +48,6 @@ def tags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LaunchTags:
 
 def test_a_node_is_found_also_in_an_included_file(tags: LaunchTags) -> None:
     own, inner = tags.node("pkg", "a.py"), tags.node("pkg", "b.py")
-
     assert own is not None
     assert own.place == Location("pkg/a.launch", 5)
     assert inner is not None

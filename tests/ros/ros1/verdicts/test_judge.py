@@ -55,7 +55,6 @@ BOTH: list[tuple[Program, Suite | None]] = [("roslaunch", None), ("rostest", HEL
 @pytest.mark.parametrize("suite", [None, Suite((Case("test_it", "error", "KeyboardInterrupt"),))])
 def test_the_wall_limit_is_an_error_and_no_verdict(suite: Suite | None) -> None:
     outcome = judged("rostest", suite=suite, ending="wall limit", end="nodes finished")
-
     (failure,) = outcome.failures
     assert (outcome.status, failure.kind) == ("error", "wall limit")
     assert "the robot had moved 0.50 m at sim time 1.0 s" in failure.message
@@ -64,7 +63,6 @@ def test_the_wall_limit_is_an_error_and_no_verdict(suite: Suite | None) -> None:
 
 def test_a_test_beyond_its_limit_of_sim_time_fails() -> None:
     outcome = judged("rostest", end="time limit", sim_time=2.0, sim_time_limit=2.0)
-
     (expected,) = outcome.expectations
     assert outcome.status == "failed"
     assert "did not finish within 2 s of sim time: the robot had moved 0.50 m" in expected.verdict.message
@@ -133,12 +131,10 @@ def test_a_loss_is_an_error_unless_it_is_allowed_and_a_finding_is_a_warning(
     assert (lost.status, lost.exit_code, lost.expectations) == ("error", 2, ())
     assert (failure.title, failure.location and failure.location.line) == ("not simulated", 5)
     assert "--allow-losses" in failure.message
-
     allowed = judged(program, suite=suite, losses=(LOSS,), allows_losses=True)
     (kept,), (warning,) = allowed.expectations, allowed.warnings
     assert (allowed.status, allowed.exit_code) == ("passed", 0)
     assert (kept.verdict.passed, warning.message, warning.location) == (True, LOSS.message, LOSS.location)
-
     still = judged(program, suite=suite, claims={"never-moved": "it never moved"})
     (warning,) = still.warnings
     assert (still.status, still.exit_code) == ("passed", 0)
@@ -155,14 +151,12 @@ def test_a_node_that_was_not_started_is_a_loss(program: Program, suite: Suite | 
 def test_a_run_that_stopped_for_its_losses_names_each_once() -> None:
     failure = Failure(kind="invalid", title="not simulated", message="parts are missing")
     outcome = judged(end="failed", failure=failure, losses=(LOSS,))
-
     assert [each.message.split(";")[0] for each in outcome.failures] == [LOSS.message]
 
 
 def test_a_missing_world_has_the_place_that_names_it() -> None:
     failure = Failure(kind="invalid", title="no such world", message="the world file '/ws/no.world' does not exist")
     outcome = judged(end="failed", failure=failure, missing_world="/ws/no.world", travelled=None)
-
     (found,) = outcome.failures
     assert (outcome.status, outcome.exit_code) == ("error", 2)
     assert found.location == Location("a.launch", 2)
@@ -171,7 +165,6 @@ def test_a_missing_world_has_the_place_that_names_it() -> None:
 @pytest.mark.parametrize("suite", [None, Suite(())])
 def test_a_test_without_a_method_does_not_pass(suite: Suite | None) -> None:
     outcome = judged("rostest", suite=suite, end="test finished")
-
     assert (outcome.status, outcome.exit_code) == ("error", 1)
     assert "no" in outcome.failures[0].title
 
@@ -179,7 +172,6 @@ def test_a_test_without_a_method_does_not_pass(suite: Suite | None) -> None:
 def test_a_test_that_passes_without_its_simulation_does_not_pass() -> None:
     failure = Failure(kind="invalid", title="the simulation cannot start", message="no such link")
     outcome = judged("rostest", suite=HELD, end="failed", failure=failure)
-
     assert (outcome.status, outcome.exit_code) == ("error", 2)
 
 
@@ -216,7 +208,6 @@ def absent(folder: Path, text: str, **given: str) -> AbsentNodes:
 def test_a_required_node_that_does_not_exist_is_an_invalid_launch(tmp_path: Path) -> None:
     package(tmp_path, "pkg", {"now.py": ""})
     found = absent(tmp_path, ERROR.format("pkg/no.py", "Cannot locate node"), required="true")
-
     (failure,) = found.failures
     assert (failure.kind, failure.location, found.losses) == ("invalid", PLACE, ())
     assert failure.message == (
@@ -231,7 +222,6 @@ def test_another_node_is_a_loss_where_it_is_known_to_stand(required: str, tmp_pa
     package(tmp_path, "pkg", {"no.py": ""}).joinpath("no.py").chmod(0o644)
     text = ERROR.format("pkg/no.py", "Cannot locate node") + ERROR.format("elsewhere/x", "elsewhere")
     found = absent(tmp_path, text, required=required)
-
     here, elsewhere = found.losses
     assert (here.location, elsewhere.location, found.failures) == (PLACE, Location("a.launch"), ())
     assert "'no.py' of 'pkg' is not executable; run chmod +x no.py" in here.message

@@ -88,9 +88,7 @@ def test_each_is_told_once_with_how_often_and_where(tmp_path: Path) -> None:
     written(tmp_path / "log/one/test-4.log", log + OTHER.format(code=code) + log)
     written(tmp_path / "log/one/test-4-stdout.log", log)
     written(tmp_path / "log/one/calm-2.log", "[rosout][ERROR] 2026-01-02 03:04:05,558: no battery\n")
-
     first, second = callback_errors(tmp_path / "log", None, tmp_path / "ws")
-
     assert (first.node, first.times, first.exception) == ("test", 2, "ZeroDivisionError: division by zero")
     assert isinstance(first.location, Location)
     assert first.location.line == 6
@@ -102,7 +100,5 @@ def test_those_of_another_launch_are_not_told(tmp_path: Path) -> None:
     for run, process in (("one", 11), ("two", 112)):
         written(tmp_path / run / "gazebo-1.log", f"[rospy.client][INFO] x: init_node, name[/gazebo], pid[{process}]\n")
         written(tmp_path / run / f"{run}-3.log", log)
-
     (found,) = callback_errors(tmp_path, "11", tmp_path / "ws")
-
     assert (found.node, found.location) == ("one", None)
