@@ -90,6 +90,14 @@ def command_line(pid: int) -> bytes:
     return b""
 
 
+def has_ended(pid: int) -> bool:
+    """Return True if a process has ended, and its parent has not noticed yet."""
+    with suppress(OSError):
+        # The name of the program comes first, in brackets, and may hold brackets itself.
+        return (_PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
+    return False
+
+
 def rostest_result_path(pid: int) -> Path | None:
     """Return the path of the result file of a test process of rostest; None for other processes."""
     results = (word for word in command_line(pid).split(b"\0") if word.startswith(_RESULT))

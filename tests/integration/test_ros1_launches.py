@@ -428,10 +428,11 @@ def test_a_launch_without_a_robot_ends_at_once(launch: str, title: str, message:
     assert message in outcome.failures[0].message
 
 
-def test_strict_fails_a_test_beside_a_node_that_died(tmp_path: Path) -> None:
+def test_strict_fails_a_test_beside_a_node_that_died_also_if_its_end_takes_longer_than_the_test(tmp_path: Path) -> None:
     dies = '<node name="dies" pkg="parts" type="dies.py"/>'
-    launch = f"<launch>{BURGER}{dies}{TEST.format(name='it', s=0.6)}</launch>"
-    package(tmp_path, "parts", {"a.test": launch, "waits.py": WAITS, "dies.py": DIES})
+    launch = f"<launch>{BURGER}{dies}{TEST.format(name='it', s=0.3)}</launch>"
+    slow = DIES.replace("import rospy\n", "import atexit, time\natexit.register(time.sleep, 2)\nimport rospy\n")
+    package(tmp_path, "parts", {"a.test": launch, "waits.py": WAITS, "dies.py": slow})
     code, [outcome], printed = called(tmp_path, "rostest", "--allow-losses", "--strict", "parts", "a.test")
 
     assert (code, outcome.status) == (1, "failed")

@@ -7,7 +7,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from sim_action.ros.processes import (
     WatchedProcesses,
     command_line,
     descendants,
+    has_ended,
     is_result_written,
     process_name,
     rostest_result_path,
@@ -34,6 +34,7 @@ _MIN_POLLS_HZ: Final = 50.0
 _POLL_S: Final = 0.01
 # Wall time without a change in the graph, after which the clock starts although no node drives the robot.
 _CALM_S: Final = 2.0
+_MAX_LEAVING_S: Final = 5.0  # wall time in which a node that has left the graph ends
 
 
 class TestFinished(ControllersFinished):
@@ -47,7 +48,8 @@ def _ignore_ended(_: frozenset[int]) -> None:
 class Lockstep:
     """The lock-step: holds the clock until all nodes wait; `node`: our own name among them.
 
-    `launcher`: the process that starts nodes. `gone`: called with the ids of its processes that have ended.
+    `launcher`: the process that starts nodes. `listener_count`: returns the number of nodes connected to our clock.
+    `gone`: called with the ids of the launcher's processes that have ended.
     `newcomers_within`: s of wall time that processes may take to become nodes. `not_reproducible`: reasons why another
     run may differ, each with the name of a node.
     """
@@ -58,12 +60,14 @@ class Lockstep:
         node: str,
         launcher: int,
         is_shutdown: Callable[[], bool],
+        listener_count: Callable[[], int],
         *,
         gone: Callable[[frozenset[int]], None] = _ignore_ended,
         newcomers_within: float = MAX_SETTLE_S,
     ) -> None:
         self._master, self._node, self._is_shutdown = master, node, is_shutdown
-        self._gone, self._newcomers_within = gone, newcomers_within
+        self._listener_count, self._gone, self._newcomers_within = listener_count, gone, newcomers_within
+        self._listeners = 0
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._launcher = ChildProcesses(launcher)
         self._siblings: frozenset[int] = frozenset()
@@ -100,6 +104,7 @@ class Lockstep:
             self._end_if_over()
             time.sleep(_POLL_S)
         self.settle(0.0)
+        self._listeners = self._listener_count()
 
     def deliver(self, seconds: float, deliveries: Iterable[Callable[[], None]]) -> None:
         """Deliver messages one by one, and wait after each until no node has work left at a sim time.
@@ -115,6 +120,11 @@ class Lockstep:
             if is_settled:
                 self.settle(seconds)
         if not is_settled:
+            self.settle(seconds)
+        before, self._listeners = self._listeners, self._listener_count()
+        if self._listeners < before:
+            # A node that leaves disconnects first, and then ends by the wall clock.
+            self.await_leavers()
             self.settle(seconds)
         self._quiet_since = time.monotonic()
 
@@ -141,14 +151,21 @@ class Lockstep:
         """Return True if a process is not a node yet, or runs a program with this text in its command line."""
         return bool(self._missing()) or any(program in command_line(pid) for pid in self._siblings)
 
-    def await_leavers(self, within: float) -> None:
-        """Wait until processes that left the graph have ended, for `within` s of wall time, to know their codes."""
-        deadline = time.monotonic() + within
-        with suppress(OSError):
-            while (self._launcher.look() & self._joined) - set(self._master.graph().pids.values()):
-                if time.monotonic() > deadline or self._is_shutdown():
-                    return
-                time.sleep(_POLL_S)
+    def await_leavers(self) -> None:
+        """Wait a while until nodes that have left the graph or crashed are known to the launcher as ended."""
+        deadline = time.monotonic() + _MAX_LEAVING_S
+        while (leavers := self._leavers()) and not self._is_shutdown():
+            if time.monotonic() > deadline:
+                self._given_up |= leavers
+            time.sleep(_POLL_S)
+
+    def _leavers(self) -> set[int]:
+        joined = self._launcher.look() & self._joined - self._given_up
+        try:
+            nodes = set(self._master.graph().pids.values()) if joined else set[int]()
+        except OSError:  # the master has ended
+            return set()
+        return {pid for pid in joined if pid not in nodes or has_ended(pid)}
 
     def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
         deadline = time.monotonic() + self._newcomers_within

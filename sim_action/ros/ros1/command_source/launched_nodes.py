@@ -145,16 +145,6 @@ class LaunchedNodes:
         awaited = set(pids)
         self._wait(lambda: awaited <= self._exited, _MAX_NOTICE_S, "")
 
-    @property
-    def exit_count(self) -> int:
-        """The number of processes that are known to have ended."""
-        return len(self._exited)
-
-    def await_exit_count(self, number: int) -> None:
-        """Wait a while until this many processes have ended. Raises ScriptError for a failed one."""
-        self._look()
-        self._wait(lambda: len(self._exited) >= number, _MAX_NOTICE_S, "")
-
     def _look(self) -> None:
         for event in self._events.new():
             self._take(event)

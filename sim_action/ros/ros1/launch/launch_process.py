@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Final, Literal, Self
 
 from sim_action.core.process import Interruption
-from sim_action.ros.processes import children, descendants, rostest_result_path
+from sim_action.ros.processes import children, descendants, has_ended, rostest_result_path
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT, Overlay
 from sim_action.ros.ros1.launch_request import (
     FOLDER_VARIABLE,
@@ -97,7 +97,7 @@ class Launch:
 
     def has_unnoticed_end(self) -> bool:
         """Return True if a process has ended and its parent has not noticed yet."""
-        return any(map(_has_ended, descendants(self._process.pid)))
+        return any(map(has_ended, descendants(self._process.pid)))
 
     def interrupt(self) -> None:
         """Ask the launcher to end its nodes and leave."""
@@ -131,13 +131,6 @@ class Launch:
 def _send(pid: int, number: signal.Signals) -> None:
     with suppress(ProcessLookupError, PermissionError):
         os.kill(pid, number)
-
-
-def _has_ended(pid: int) -> bool:
-    with suppress(OSError):
-        # The name of the program comes first, in brackets, and may hold brackets itself.
-        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] == b"Z"
-    return False
 
 
 class Watch:

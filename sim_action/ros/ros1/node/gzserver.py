@@ -48,7 +48,6 @@ from sim_action.world.claims import NOT_REPRODUCIBLE
 from sim_action.world.world_files.losses import Loss
 
 _POLL_S: Final = 0.01
-_MAX_LEAVING_S: Final = 5.0  # wall time for nodes that have left to end, before the launch is judged
 
 # Wall time in which nodes that are up may call the services that spawn a robot.
 _MAX_SPAWN_WAIT_S: Final = 10.0
@@ -89,8 +88,14 @@ class _Server:
         self._traffic = Traffic()
         self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
         name = rospy.get_name()
-        self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], name), name, os.getppid(), rospy.is_shutdown)
         paused, topics = Event(), GazeboTopics(self._traffic)
+        self._lockstep = Lockstep(
+            Master(os.environ["ROS_MASTER_URI"], name),
+            name,
+            os.getppid(),
+            rospy.is_shutdown,
+            lambda: topics.subscriber_count,
+        )
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()
         self._session = Session(
@@ -116,7 +121,7 @@ class _Server:
                 self._current, self._changes, session.paused, session.efforts, self._request.physics_rate
             )
             end = self._simulate()
-            self._lockstep.await_leavers(_MAX_LEAVING_S)
+            self._lockstep.await_leavers()
         except TestFinished:
             end = "test finished"
         except ControllersFinished:

@@ -75,25 +75,25 @@ class RobotNode:
         self._nodes, self._model, self._rate = nodes, scene.model, rate
         topics = topics_of(scene.sensors, spec.topics)
         rospy.init_node(NAME.strip("/"), disable_signals=True)
+        self._traffic = traffic = Traffic()
+        self._states = GazeboTopics(traffic)
         self._master = Master(os.environ["ROS_MASTER_URI"], NAME)
         self._lockstep = Lockstep(
             self._master,
             NAME,
             nodes.launcher,
             rospy.is_shutdown,
+            lambda: self._states.subscriber_count,
             gone=nodes.await_exits,
             newcomers_within=spec.start_within,
         )
         self.not_reproducible = self._lockstep.not_reproducible
-        self._traffic = traffic = Traffic()
         self.transcript = Transcript()
-        self._states = GazeboTopics(traffic)
         rows = published(scene.model, scene.sensors, topics, rate)
         self._others = [(Publisher(topic, kind, traffic), messages) for topic, kind, messages in rows]
         self._subscription = Subscription(topics[COMMANDS], TwistMessage, twist_of, traffic)
         self._wall_clock = WallClockWatch(self._traffic, self._lockstep)
         self._has_begun = False
-        self._listeners = self._exit_count = 0
         self._is_driven = False
         self.notes: list[str] = []
         self.sensors = (states_sensor(rate, lambda: not self._has_begun or self._states.has_link_subscribers),)
@@ -106,7 +106,6 @@ class RobotNode:
             self._wall_clock.look()
             self._publish(seen)
             self._lockstep.deliver(seen.time, self._traffic.undelivered())
-            self._await_leaving_nodes()
         except OSError:
             raise self._nodes.end_error() from None
         self._traffic.move_to(self.transcript, seen.time)
@@ -128,17 +127,7 @@ class RobotNode:
         # Commands from before the start arrive or not, depending on which node came up first.
         self._subscription.begin()
         self._traffic.begin()
-        self._listeners, self._exit_count = self._states.subscriber_count, self._nodes.exit_count
         self._has_begun = True
-
-    def _await_leaving_nodes(self) -> None:
-        """Hold sim time while a node ends: it disconnects first and then ends by the wall clock. Raises ScriptError."""
-        subscriber_count, exit_count = self._states.subscriber_count, self._nodes.exit_count
-        # A node's disconnection and its exit become known in any order.
-        leaving = (self._listeners - subscriber_count) - (exit_count - self._exit_count)
-        self._nodes.await_exit_count(exit_count + leaving)
-        if leaving > 0 or subscriber_count > self._listeners:
-            self._listeners, self._exit_count = subscriber_count, self._nodes.exit_count
 
     def _publish(self, seen: Observation) -> None:
         """Publish a moment, the clock last."""
