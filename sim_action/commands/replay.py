@@ -52,16 +52,16 @@ MAX_GAP_S: Final = 1.0  # between two rows that are farther apart, a joint holds
 class ReplayCommands(CommandSource):
     """Repeats the commands of a recorded log at their original times.
 
-    The log is a CSV file or a log of ROS: rosbag1 (`.bag`), rosbag2 (a folder, `.db3` or `.mcap`), also compressed
+    The log is a CSV file or of ROS: rosbag1 (`.bag`), rosbag2 (a folder, `.db3` or `.mcap`), also compressed
     (`.zstd`). Its time 0 is its first command that the scenario replays; with `clock: shared`, several logs keep their
     distance in time. `start` and `end` cut the log, `offset` shifts it.
 
     A row acts at its own time: at the nearest physics step, or with a `rate` at its next tick. A command holds until
     the next one, and the last one until the end: let the log end with a stop, or set a `timeout`. Joint positions are
-    interpolated, except over gaps of more than 1 s. Angles of continuous joints that wrap go on, and jitter of regular
-    rows up to 5 ms is removed where that makes the motion smoother. Notes name what was changed and count unused rows.
+    interpolated, except over gaps of more than 1 s. Angles of continuous joints that wrap go on; regular rows lose
+    jitter up to 5 ms where that makes the motion smoother. Notes name what was changed and count unused rows.
 
-    A CSV file has a header with `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
+    A CSV header has `time` (s) and either `linear`, `lateral`, `angular` (m/s, rad/s) or
     `position.<joint>`, `velocity.<joint>`, `effort.<joint>` (SI units). A unit may follow a name: `time [ms]`. Files of
     PlotJuggler, `rostopic echo -p`, pandas and our own recordings are recognised. For other files, `columns` names the
     column of each meaning, with its unit: `{time: 'stamp [ns]', linear: speed}`.
@@ -69,8 +69,8 @@ class ReplayCommands(CommandSource):
     From ROS logs, `Twist`, `TwistStamped`, `AckermannDrive`, `AckermannDriveStamped`, `JointState`, `JointTrajectory`
     and `Float64MultiArray` (with `joints`) are replayed. A joint that has several of position, velocity and effort
     follows the first of them; NaN is none. Targets beyond the limits of the model are clipped, with a note. A damaged
-    log is read up to the damage, and after it where its index is good; lost messages are counted. A topic or a CSV file
-    has at most 250,000 rows.
+    log is read up to the damage, and after it where its index is good; lost messages are counted. A log whose clock was
+    set back is refused. A topic or a CSV file has at most 250,000 rows.
 
     ROS logs need `pip install 'sim-action[rosbags]'`, and in a workflow the input `extras: rosbags`.
     """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
@@ -33,6 +34,7 @@ PACKAGE: Final = "rosbags"
 METADATA: Final = "metadata.yaml"
 _MAX_METADATA_BYTES: Final = 10_000_000
 _BLOCK_BYTES: Final = 1_000_000
+_MAX_DISORDER_NS: Final = 100_000_000  # recorders with several threads may exchange messages
 _CLOCK: Final = "/clock"
 _CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 _ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
@@ -307,10 +309,12 @@ def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
     if not rows:
         empty = f"none of the {read} messages of '{topic}' has a finite value"
         raise RecordingError(empty if read else f"the log has no message of '{topic}'")
-    # The messages of an indexed file are in order, but files may overlap.
+    _refuse_reset(storages, topic)
+    # The messages of an indexed file are in order, but files may come in any order.
     rows = [rows[place] for place in sorted(range(len(rows)), key=receipts.__getitem__)]
     if selection.stamps == "header":
-        _refuse_falling([time_ns for time_ns, _ in rows], topic)
+        remedy = "remove 'stamps' to use the times of receipt"
+        _refuse_falling([time_ns for time_ns, _ in rows], f"'{topic}': its header.stamp", remedy, "stamps")
     if clock is not None:
         rows = [(time_ns, content) for time_ns, (_, content) in zip(clock([t for t, _ in rows]), rows, strict=True)]
     return Recorded(tuple(rows), read=read, unused={"without a finite value": read - len(rows)})
@@ -420,14 +424,46 @@ def _stamp(message: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _refuse_falling(times: Sequence[int], topic: str) -> None:
+def _refuse_reset(storages: Sequence[_Storage], topic: str) -> None:
+    """Raise RecordingError if the clock of the recorder was set back: messages in the order of times would mix."""
+    orders = [_recorded_times(storage, topic) for storage in storages]
+    times = [time_ns for order in sorted(filter(None, orders)) for time_ns in order]
+    _refuse_falling(times, f"'{topic}': its time of receipt", "split the log there", "replay", _MAX_DISORDER_NS)
+
+
+def _recorded_times(storage: _Storage, topic: str) -> list[int]:
+    """Return the times of receipt in ns of the messages of a topic, in the order in which a file has them."""
+    connections = [connection for connection in storage.connections if connection.topic == topic]
+    reader: Any = storage
+    if isinstance(storage, ScannedLog):
+        return [time_ns for _, time_ns, _ in storage.messages(connections)]
+    numbers = [connection.id for connection in connections]
+    try:
+        if reader.path.suffix == ".bag":
+            entries = [entry for number in numbers for entry in reader.indexes[number]]
+            return [entry.time for entry in sorted(entries, key=lambda entry: (entry.chunk_pos, entry.offset))]
+        if reader.path.suffix == ".db3":
+            records = reader.storage.dbconn.execute("SELECT topic_id, timestamp FROM messages ORDER BY id")
+            return [time_ns for number, time_ns in records if number in numbers]
+        places: list[tuple[int, int, int]] = []
+        for chunk in reader.storage.chunks:
+            for number in set(numbers) & chunk.message_index_offsets.keys():
+                # Kind and length of the record, channel, length of the list; then time and offset of each message.
+                reader.storage.bio.seek(chunk.message_index_offsets[number] + 11)
+                size = int.from_bytes(reader.storage.bio.read(4), "little")
+                records = struct.iter_unpack("<QQ", reader.storage.bio.read(size))
+                places += [(chunk.chunk_start_offset, offset, time_ns) for time_ns, offset in records]
+        return [time_ns for *_, time_ns in sorted(places)]
+    except (AttributeError, struct.error):
+        return []  # this version of rosbags keeps its index elsewhere, or the index is damaged
+
+
+def _refuse_falling(times: Sequence[int], what: str, remedy: str, key: str, most_ns: int = 0) -> None:
+    """Raise RecordingError if times in ns fall by more than `most_ns`."""
     for number, (before, time_ns) in enumerate(pairwise(times), start=2):
-        if time_ns < before:
-            raise RecordingError(
-                f"message {number} of '{topic}': its header.stamp is {(before - time_ns) / 1e9:g} s earlier than that "
-                "of the message before; remove 'stamps' to use the times of receipt",
-                "stamps",
-            )
+        if before - time_ns > most_ns:
+            fall = f"{(before - time_ns) / 1e9:g} s earlier than that of the message before"
+            raise RecordingError(f"message {number} of {what} is {fall}; {remedy}", key)
 
 
 def _clock_of(storages: Sequence[_Storage]) -> Callable[[Sequence[int]], list[int]]:
@@ -447,11 +483,7 @@ def _clock_of(storages: Sequence[_Storage]) -> Callable[[Sequence[int]], list[in
         for connection, receipt, data in _messages(storage, connections)
         for time in [decoded(connection, data).clock]
     )
-    for (_, before), (_, after) in pairwise(moments):
-        if after < before:
-            raise RecordingError(
-                f"{_CLOCK} falls from {before / 1e9:g} s to {after / 1e9:g} s; split the log", "stamps"
-            )
+    _refuse_falling([time_ns for _, time_ns in moments], f"'{_CLOCK}': its time", "split the log there", "stamps")
     if not moments:
         raise RecordingError(f"the log has no message of '{_CLOCK}'", "stamps")
     receipts, times = ([moment[place] - moments[0][place] for moment in moments] for place in (0, 1))

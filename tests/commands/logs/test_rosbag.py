@@ -124,6 +124,23 @@ def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
     assert read(folder) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
 
 
+FALLING = "message {} of '{}': its time of receipt is {} s earlier than that of the message before; split the log there"
+
+
+@in_every_format
+def test_a_log_whose_clock_was_reset_is_refused(log: str, tmp_path: Path) -> None:
+    times = (0.0, 0.02, 5.0, 0.01, 4.0)
+    path = written(tmp_path, log, drive([(time, index, 0.0) for index, time in enumerate(times)]))
+    assert FALLING.format(4, "/cmd_vel", 4.99) in told(path)
+
+
+def test_the_files_of_a_bag_whose_times_overlap_are_refused(tmp_path: Path) -> None:
+    folder = ros2_bag(tmp_path / "one", entries_at((0.0, 1.0), (3.0, 2.0)))
+    shutil.copy(ros2_bag(tmp_path / "two", entries_at((1.0, 3.0), (4.0, 4.0))) / "two.db3", folder)
+    (folder / "metadata.yaml").unlink()
+    assert FALLING.format(3, "/j", 2) in told(folder, "/j")
+
+
 def test_a_topic_of_several_types_is_refused(tmp_path: Path) -> None:
     with Writer(tmp_path / "bag", version=9) as writer:
         for type_name in (bags.TWIST, bags.STAMPED):
@@ -347,10 +364,13 @@ def test_times_are_those_of_receipt_of_the_header_or_of_the_clock(tmp_path: Path
 def test_messages_of_mcap_with_and_without_an_index_are_those_of_their_times(
     options: dict[str, Any], tmp_path: Path
 ) -> None:
-    moments = [(2.0, 9.0), (0.0, 5.0), (3.0, 9.5), (1.0, 7.0)]
+    moments = [(0.04, 9.0), (0.0, 5.0), (0.06, 9.5), (0.02, 7.0)]
     path = plain_mcap(tmp_path / "a.mcap", entries_at(*moments), chunk_size=200, **options)
     times = {stamps: [time for time, _ in read(path, "/j", stamps=stamps)] for stamps in ("receipt", "header")}
-    assert times == {"receipt": [0.0, 1.0, 2.0, 3.0], "header": [0.0, 2.0, 4.0, 4.5]}
+    assert times == {"receipt": [0.0, 0.02, 0.04, 0.06], "header": [0.0, 2.0, 4.0, 4.5]}
+    path = plain_mcap(tmp_path / "reset.mcap", entries_at((0.0, 1.0), *moments, (9.0, 9.6), (0.5, 9.7)), **options)
+    for stamps in ("receipt", "header"):
+        assert FALLING.format(7, "/j", 8.5) in told(path, "/j", stamps=stamps)
 
 
 @pytest.mark.parametrize(
@@ -405,7 +425,7 @@ def test_a_database_whose_recorder_was_killed_is_read_with_its_journal(tmp_path:
     path = db3_file(tmp_path / "a.db3", drive(TWIST_MESSAGES))
     database = sqlite3.connect(path)
     database.execute("PRAGMA journal_mode=WAL")
-    copies = "SELECT topic_id, timestamp + 1, data FROM messages"
+    copies = "SELECT topic_id, timestamp + 2000000000, data FROM messages"
     database.execute(f"INSERT INTO messages (topic_id, timestamp, data) {copies}")
     database.commit()
     killed = tmp_path / "killed"
