@@ -234,20 +234,14 @@ def test_a_mistake_of_a_class_is_told_before_anything_runs(spec: Assertion, told
     assert told in problem
 
 
-def test_a_class_that_is_not_installed_is_told() -> None:
+def test_classes_that_are_not_installed_under_their_names_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BrokenRules) as raised:
         check_assertion(Honest(), passes="nowhere.sim.yml", fails="nowhere.sim.yml")
     assert "honest: no installed package has it; name the class below" in str(raised.value)
-
-
-def test_a_class_with_a_name_of_ours_is_told() -> None:
     renamed = type("Renamed", (Honest,), {"key": "travel", "__module__": __name__})()
     assert (
         module._why_not_installed(renamed, ASSERTIONS) == "sim-action has assertion 'travel' itself; choose another key"
     )
-
-
-def test_another_class_of_that_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Table, "installed", lambda _: {"honest": "'honest' of a 1.0"})
     monkeypatch.setattr(Table, "load", lambda *_: Goal)
     told = module._why_not_installed(Honest(), ASSERTIONS)

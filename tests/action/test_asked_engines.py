@@ -104,17 +104,14 @@ def test_the_caller_decides_before_the_files(
     assert asked(workspace, **variables) == expected
 
 
-def test_where_all_scenarios_name_mujoco_there_is_no_pybullet(tmp_path: Path) -> None:
+def test_the_engines_of_folders(tmp_path: Path) -> None:
+    assert asked(tmp_path) == PYBULLET
     for name in ("a.sim.yml", "b.sim.yaml"):
         (tmp_path / name).write_text(f"{PLAIN}backend: mujoco\n")
     (tmp_path / "other.yml").write_text("a: 1\n")
     assert asked(tmp_path) == MUJOCO
     (tmp_path / "c.sim.yml").write_text(f"{PLAIN}backend: pybullet\n")
     assert asked(tmp_path) == BOTH
-
-
-def test_a_folder_without_scenarios_gets_the_default(tmp_path: Path) -> None:
-    assert asked(tmp_path) == PYBULLET
 
 
 def test_settings_above_the_working_directory_count(workspace: Path) -> None:

@@ -212,9 +212,6 @@ def test_what_is_selected_is_an_option_for_each_line() -> None:
         "--tag=y",
         "--exclude-tag=z",
     ]
-
-
-def test_packages_variables_and_scenarios_are_an_option_for_each_line() -> None:
     # Packages and variables are an option for each line.
     inputs = {**INPUTS, "packages": "a=../a b\n\n c=d\n", "pass-env": "X\nY"}
     line = list(SUBCOMMANDS["run"].command_line(inputs))

@@ -21,14 +21,9 @@ def test_fields_say_what_they_take_in_which_unit_and_by_default() -> None:
     fields = {field.name: field for field in reach.fields}
     assert (fields["x"].takes, fields["x"].default) == ("length (m)", "required")
     assert (fields["yaw_tolerance"].takes, fields["yaw_tolerance"].default) == ("angle (rad)", "5 deg")
-
-
-def test_nested_keys_and_lists_are_spelled_out() -> None:
     twist = next(entry for entry in catalogue.entries(COMMANDS) if entry.name == "twist")
     assert twist.fields[0].takes == "list of {linear, lateral, angular, for}"
-
-
-def test_keys_that_a_place_does_not_take_are_left_out() -> None:
+    # Keys that a place does not take are left out.
     judged = next(entry for entry in catalogue.entries(ASSERTIONS) if entry.name == "object")
     takes = {field.name: field.takes for field in judged.fields}
     assert takes["upright"] == "{max_tilt, frame}"
@@ -71,10 +66,13 @@ def test_an_assertion_is_explained_with_all_of_its_keys(name: str) -> None:
     assert "severity: error or warning [error]" in text
 
 
-def test_a_name_of_several_kinds_is_explained_as_each() -> None:
+def test_names_of_several_kinds_and_places_are_explained_as_each() -> None:
     text = click.unstyle(explanation("contact", 80))
     assert "contact: assertion, below expect" in text
     assert "contact: sensor, below sensors" in text
+    text = click.unstyle(explanation("robot", 80))
+    assert "robot: key of a scenario" in text
+    assert "robot: key of world" in text
 
 
 @pytest.mark.parametrize(
@@ -87,16 +85,7 @@ def test_a_single_key_is_explained_with_the_keys_below_it(name: str, place: str,
     assert below in text
 
 
-def test_a_key_of_two_places_is_explained_in_both() -> None:
-    text = click.unstyle(explanation("robot", 80))
-    assert "robot: key of a scenario" in text
-    assert "robot: key of world" in text
-
-
-def test_an_unknown_name_is_told_with_the_nearest() -> None:
+def test_the_overview_has_every_name_and_others_are_told_with_the_nearest() -> None:
+    assert all(name in overview() for name in names())
     with pytest.raises(UsageError, match=r"no part of a scenario is called 'uprigt'; did you mean 'upright'\?"):
         explanation("uprigt", 80)
-
-
-def test_the_overview_has_every_name() -> None:
-    assert all(name in overview() for name in names())

@@ -31,11 +31,8 @@ def test_files_and_folders_are_the_same(capsys: pytest.CaptureFixture[str]) -> N
     assert first.splitlines()[-1] == "1 newly fails, 1 still passes"
 
 
-def test_nothing_newly_fails_the_other_way_round() -> None:
+def test_former_results_are_compared() -> None:
     assert compare_results("new", "old", strict=True) is ExitCode.PASSED
-
-
-def test_results_of_the_former_version_are_compared() -> None:
     as_former_version(Path("old/results.json"))
     assert compare_results("old", "new") is ExitCode.FAILED
     assert compare_results("new", "old", strict=True) is ExitCode.PASSED
@@ -93,19 +90,13 @@ def test_what_cannot_be_compared(old: str, new: str, complaint: str) -> None:
     assert error.value.exit_code is ExitCode.INVALID
 
 
-def test_markdown_goes_to_a_file_beside_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_markdown_goes_to_a_file_or_takes_the_place_of_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     compare_results("old", "new", markdown="comment.md")
     assert Path("comment.md").read_text(encoding="utf-8").startswith("## ❌ 1 scenario newly fails\n")
     assert "##" not in capsys.readouterr().out
-
-
-def test_markdown_takes_the_place_of_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert compare_results("old", "new", markdown="-") is ExitCode.FAILED
     assert capsys.readouterr().out.startswith("## ❌ 1 scenario newly fails\n")
     assert not Path("-").exists()
-
-
-def test_a_place_that_cannot_be_written_to_is_told() -> None:
     with pytest.raises(UsageError, match=r"--markdown no/such\.md cannot be written: No such file or directory"):
         compare_results("old", "new", markdown="no/such.md")
 

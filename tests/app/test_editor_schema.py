@@ -47,12 +47,9 @@ def messages(schema: dict[str, Any], value: object) -> list[str]:
     return [error.message for error in jsonschema.Draft7Validator(schema).iter_errors(value)]
 
 
-def test_only_definitions_that_are_referred_to_are_kept() -> None:
+def test_definitions_have_one_meaning_and_are_kept_if_referred_to() -> None:
     schema = editor({"$ref": "#/$defs/Wheel"})
     assert sorted(schema["definitions"]) == ["Quantity_m_mm_exclusiveMinimum_0", "Tag", "Wheel"]
-
-
-def test_a_name_has_one_meaning() -> None:
     schemas = EditorSchemas({"Tag": TAG})
     assert schemas.define("Tag", TAG) == {"$ref": "#/$defs/Tag"}
     with pytest.raises(ValueError, match="two definitions have the name Tag"):
@@ -113,9 +110,6 @@ def test_alternatives_are_told_apart_by_their_types() -> None:
         "Additional properties are not allowed ('txt' was unexpected)"
     ]
     assert messages(schema, 5) == ["5 is not of type 'object'"]
-
-
-def test_types_in_a_list_are_alternatives() -> None:
     schema = editor({"type": ["integer", "null"]})
     assert messages(schema, 1) == messages(schema, None) == []
     assert "type" not in schema

@@ -30,11 +30,8 @@ def read(block: str) -> Any:
     return data["robot"]
 
 
-def test_only_what_differs_is_written() -> None:
+def test_only_what_differs_is_written_and_all_of_it() -> None:
     assert robot_block(Robot(model="robots/arm.urdf"), None) == "robot:\n  model: robots/arm.urdf\n"
-
-
-def test_all_of_it() -> None:
     robot = Robot(
         model="my robots/arm.xacro",
         base="fixed",
@@ -131,11 +128,16 @@ def test_the_burger_is_what_is_published(tmp_path: Path) -> None:
     )
 
 
-def test_joints_are_a_tree_for_people_and_a_list_for_programs(tmp_path: Path) -> None:
+def test_joints_and_boxes_are_where_the_model_has_them(tmp_path: Path) -> None:
     found = inspect_model("robot.urdf", workspace(tmp_path))
     assert "base (2 kg)\n`- shoulder [revolute about z, -57.3 to 114.6 deg] -> upper (1 kg)" in (inspection_text(found))
     (joint,) = json.loads(found.model_dump_json())["joints"]
     assert (joint["name"], joint["lower"], joint["upper"], joint["axis_xyz"]) == ("shoulder", -1, 2, [0, 0, 1])
+    found = inspect_model("robot.urdf", workspace(tmp_path))
+    assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))
+    assert found.height == -2.5
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path)))
+    assert "standing, its base link 'base' is 2.5 m below the ground" in text
 
 
 def test_several_joints_of_one_link_are_one_branch(tmp_path: Path) -> None:
@@ -153,12 +155,6 @@ def test_several_joints_of_one_link_are_one_branch(tmp_path: Path) -> None:
         "|  `- turn [continuous about z] -> arm (1 kg)",
         "`- lift [prismatic along z] -> other (1 kg)",
     ]
-
-
-def test_the_box_is_around_the_shapes_where_the_joints_put_them(tmp_path: Path) -> None:
-    found = inspect_model("robot.urdf", workspace(tmp_path))
-    assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))
-    assert found.height == -2.5
 
 
 def test_a_joint_says_whom_it_follows(tmp_path: Path) -> None:
@@ -196,11 +192,6 @@ def test_meshes_are_as_large_as_they_are_scaled(tmp_path: Path) -> None:
     assert "fill 0.5 x 0.25 x 2 m" in inspection_text(found)
 
 
-def test_a_base_whose_shapes_are_all_above_it_is_below_the_ground(tmp_path: Path) -> None:
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path)))
-    assert "standing, its base link 'base' is 2.5 m below the ground" in text
-
-
 def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
     bolted = GOOD.replace('"base"', '"world"')
     found = inspect_model("robot.urdf", workspace(tmp_path, bolted))
@@ -212,9 +203,19 @@ def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
     assert "standing" not in inspection_text(below)
 
 
-def test_a_long_name_is_cut(tmp_path: Path) -> None:
+def test_a_long_name_is_cut_and_no_name_acts(tmp_path: Path) -> None:
     text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', f'"{"a" * 5000}"'))))
     assert text.startswith(f"{'a' * 60}...: 2 links")
+    text = inspection_text(
+        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', '"::error::x ##[a]"')))
+    )
+    assert not any(line.startswith("::") for line in text.splitlines())
+    assert "##[" not in text
+    model = GOOD.replace('"arm"', '"x&#10;INJECTED&#13;&#x85;"').replace('"upper"', '"y&#10;INJECTED"')
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, model)))
+    assert "x\\nINJECTED\\r\\x85" in text
+    assert "y\\nINJECTED" in text
+    assert not any(line.startswith("INJECTED") for line in text.splitlines())
 
 
 def test_nothing_is_said_of_the_size_of_what_has_none(tmp_path: Path) -> None:
@@ -318,16 +319,14 @@ def test_the_block_says_what_an_engine_would_hold_still(root: str, mass: float, 
     assert ("fixed" in block) is bool(written)
 
 
-def test_the_same_finding_is_told_once_with_all_its_lines_and_lines_are_short(tmp_path: Path) -> None:
+def test_findings_of_one_kind_are_one_line(tmp_path: Path) -> None:
     zero = '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
     text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, re.sub("<inertia .*?/>", zero, GOOD))))
     assert text.count("principal moments") == 1
     assert "(also on line 13)" in " ".join(text.split())
     findings = text.split("the audit found:")[1].split("to paste")[0].splitlines()
     assert max(len(line) for line in findings if str(tmp_path) not in line) <= 80
-
-
-def test_findings_of_one_kind_are_one_line_with_the_first_names_and_lines(tmp_path: Path) -> None:
+    # The first names and lines of many are told.
     frame = '\n<link name="f{0}"/><joint name="j{0}" type="fixed"><parent link="base"/><child link="f{0}"/></joint>'
     frames = "".join(frame.format(number) for number in range(7))
     text = inspection_text(
@@ -338,9 +337,7 @@ def test_findings_of_one_kind_are_one_line_with_the_first_names_and_lines(tmp_pa
     found = " ".join(text.split())
     assert text.count("has no <inertial>") == 1
     assert f"negligible mass (and 6 more like this: 'f1', 'f2', 'f3', 'f4', ...; lines {more}, ...)" in found
-
-
-def test_findings_of_one_kind_are_one_line_also_if_their_hints_differ(tmp_path: Path) -> None:
+    # Hints may differ.
     tags = "".join(f'\n<gazebo reference="{name}"/>' for name in ("bas", "upp", "shoulde"))
     text = inspection_text(
         inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{tags}</robot>")))
@@ -362,22 +359,6 @@ def test_what_no_engine_could_take_is_refused(tmp_path: Path) -> None:
         inspect_model(
             "robot.urdf", workspace(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="upper"/>'))
         )
-
-
-def test_names_of_a_model_act_nowhere(tmp_path: Path) -> None:
-    text = inspection_text(
-        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', '"::error::x ##[a]"')))
-    )
-    assert not any(line.startswith("::") for line in text.splitlines())
-    assert "##[" not in text
-
-
-def test_a_line_break_in_a_name_begins_no_line(tmp_path: Path) -> None:
-    model = GOOD.replace('"arm"', '"x&#10;INJECTED&#13;&#x85;"').replace('"upper"', '"y&#10;INJECTED"')
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, model)))
-    assert "x\\nINJECTED\\r\\x85" in text
-    assert "y\\nINJECTED" in text
-    assert not any(line.startswith("INJECTED") for line in text.splitlines())
 
 
 def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:

@@ -400,9 +400,6 @@ def test_a_demand_is_judged_at_its_own_value() -> None:
     assert (kept.is_kept, missed.is_kept) == (True, False)
     # The range grows to what is demanded.
     assert searched(lambda _: True, asked=9.0).message == "never fails up to 10 m, 900 % above 1 m"
-
-
-def test_several_crossings_are_told() -> None:
     margin = searched(lambda value: value < 1.5 or value > 2.5)
     assert margin.threshold == pytest.approx(1.5, abs=0.02)
     assert "2 changes between passing and failing were seen" in margin.message

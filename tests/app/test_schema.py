@@ -63,14 +63,11 @@ def test_the_site_publishes_each_schema(name: str) -> None:
     assert f'"{name}.schema.json"' in (ROOT / "docs/conf.py").read_text(encoding="utf-8")
 
 
-def test_the_entry_for_schemastore_names_the_published_schema_and_the_files_that_are_run() -> None:
+def test_the_site_and_schemastore_have_the_published_schemas() -> None:
     entry = json.loads((ROOT / ".github/schemastore.json").read_text(encoding="utf-8"))
     assert entry.keys() == {"name", "description", "fileMatch", "url"}
     assert entry["url"] == scenario_schema()["$id"]
     assert sorted(entry["fileMatch"]) == sorted(f"*{suffix}" for suffix in SUFFIXES)
-
-
-def test_the_page_about_editors_names_the_published_schemas() -> None:
     page = (ROOT / "docs/scenario/editors.md").read_text(encoding="utf-8")
     (settings,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
     addresses = json.loads(settings)["yaml.schemas"]

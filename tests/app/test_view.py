@@ -47,9 +47,6 @@ def test_names_are_read_from_results_of_the_former_version(folder: Path) -> None
 def test_a_name_that_is_not_in_it_is_told_with_the_nearest(folder: Path) -> None:
     with pytest.raises(UsageError, match="the report has no scenario 'dd'; did you mean 'd'"):
         address(folder, "dd")
-
-
-def test_a_report_alone_is_asked_for_any_name(folder: Path) -> None:
     (folder / "results.json").unlink()
     assert address(folder, "dd").endswith("report.html#scenario=dd")
 

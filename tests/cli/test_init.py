@@ -31,10 +31,13 @@ def test_the_scenario_of_each_built_in_robot_is_valid(robot: str, tmp_path: Path
     assert comments == [32, 32]
 
 
-def test_a_robot_that_is_not_built_in_is_a_usage_error(tmp_path: Path) -> None:
+def test_a_robot_or_a_folder_that_cannot_be_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="unknown robot 'husky'; did you mean 'husky_a200'"):
         write_scaffold(tmp_path, "{}", force=False, robot="husky")
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot write"):
+        write_scaffold(tmp_path / "file", "{}", force=True)
 
 
 def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
@@ -53,9 +56,3 @@ def test_nothing_is_written_if_one_file_is_there(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
         write_scaffold(tmp_path, "{}", force=False)
     assert not (tmp_path / ".github").exists()
-
-
-def test_a_folder_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(UsageError, match="cannot write"):
-        write_scaffold(tmp_path / "file", "{}", force=True)

@@ -46,8 +46,15 @@ def test_entries_have_an_index_how_many_there_are_and_a_scenario_on_each_line() 
     ]
 
 
-def test_no_shard_is_empty() -> None:
+def test_scenarios_are_dealt_by_what_they_take() -> None:
     assert [entry["shards"] for entry in dealt(["a", "b"], 5)] == [2, 2]
+    known = {"a": 1.0, "b": 1.0, "c": 10.0, "d": 1.0}
+    assert scenarios(["a", "b", "c", "d"], 2, known) == [["c"], ["a", "b", "d"]]
+    # 4, 2 and, as their mean, 3 and 3: equal halves.
+    assert scenarios(["a", "b", "new", "newer"], 2, {"a": 4.0, "b": 2.0}) == [["a", "b"], ["new", "newer"]]
+    # What holds no scenario is told by the first shard alone.
+    entries = dealt(["a", "b"], 2, empty=("nope*", "empty/"))
+    assert [entry["scenario"] for entry in entries] == ["a\nnope*\nempty/", "b"]
 
 
 @given(
@@ -63,16 +70,6 @@ def test_everything_is_there_once_and_in_order(names: list[str], count: int, dat
     assert 1 <= len(shards) <= count
 
 
-def test_the_longest_has_a_shard_of_its_own() -> None:
-    known = {"a": 1.0, "b": 1.0, "c": 10.0, "d": 1.0}
-    assert scenarios(["a", "b", "c", "d"], 2, known) == [["c"], ["a", "b", "d"]]
-
-
-def test_what_nobody_knows_counts_as_the_mean_of_what_is_known() -> None:
-    # 4, 2 and, as their mean, 3 and 3: equal halves.
-    assert scenarios(["a", "b", "new", "newer"], 2, {"a": 4.0, "b": 2.0}) == [["a", "b"], ["new", "newer"]]
-
-
 def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
     earlier = results(
         outcome("./a.sim.yml", wall_time=2.0, number=1),
@@ -85,6 +82,9 @@ def test_durations_are_those_of_what_ran_by_the_names_of_files() -> None:
         ["b/c.sim.yml"],
         ["d.sim.yml", "a.sim.yml"],
     ]
+    # A scenario takes what all of its engines take.
+    earlier = results(outcome("a", wall_time=2.0, number=1), outcome("a", wall_time=3.0, number=1))
+    assert list(known_durations(earlier).values()) == [5.0]
 
 
 @given(st.permutations([("a", 3.0), ("b", 3.0), ("c", 2.0), ("d", 2.0), ("e", 2.0), ("a", 1.0), ("x", 9.0)]))
@@ -93,11 +93,6 @@ def test_the_order_of_earlier_results_does_not_matter(order: list[tuple[str, flo
         known_durations(results(*(outcome(name, wall_time=duration, number=1) for name, duration in order)))
     )
     assert scenarios(["a", "b", "c", "d", "e"], 2, known) == [["a", "d"], ["b", "c", "e"]]
-
-
-def test_what_holds_no_scenario_is_told_by_the_first_shard_alone() -> None:
-    entries = dealt(["a", "b"], 2, empty=("nope*", "empty/"))
-    assert [entry["scenario"] for entry in entries] == ["a\nnope*\nempty/", "b"]
 
 
 def passed_on(scenario: str) -> None:
@@ -129,16 +124,15 @@ def test_the_scenarios_of_a_shard_are_as_many_as_can_be_passed_on() -> None:
     assert len(dealt(names_of(MAX_BYTES + 1), 2)) == 2
 
 
-def test_bytes_are_counted_and_not_characters() -> None:
+def test_bytes_are_counted_and_limited() -> None:
     with pytest.raises(UsageError, match=r"shard 1 of 2 would be 50 names of 150\.1 kB"):
         dealt([f"{place:02}" + "\u20ac" * 998 + "x" * 5 for place in range(100)], 2)
-
-
-def test_the_matrix_is_no_longer_than_an_output_may_be() -> None:
     names = names_of(499_000)
     assert len(matrix_text([of(name) for name in names], [], 8, {})) <= 500_000
     with pytest.raises(UsageError, match=r"would be 501\.\d kB long, but GitHub accepts 500 kB.*`shard: I/N`"):
         dealt(names_of(501_000), 8)
+    entries = json.loads(matrix_text([of("push.sim.yml", *range(1, 10_001))], [], 4, {}))["include"]
+    assert max(len(entry["scenario"]) for entry in entries) < MAX_BYTES
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\rb", "a\u2028b", " a", "a ", "a\u00a0", os.fsdecode(b"a\xff")])
@@ -158,6 +152,12 @@ def test_a_file_is_dealt_by_its_scenarios_and_named_alone_where_a_shard_has_all_
     assert [entry["scenario"] for entry in entries] == ["many::1,4\nsome::9", "many::2\nlone", "many::3\nsome::7"]
     (entry,) = json.loads(matrix_text(files, [], 1, {}))["include"]
     assert entry["scenario"] == "many\nlone\nsome::7,9"
+    # A scenario that nobody knows counts as the mean of its file.
+    known: dict[Unit, float] = {(compared_name("many"), 1): 9.0, (compared_name("lone"), 1): 1.0}
+    files = [of("many", 1, 2), of("lone"), of("new")]
+    # 9 and 9, 1, and the mean of all that are known, 5.
+    entries = json.loads(matrix_text(files, [], 2, known))["include"]
+    assert [entry["scenario"] for entry in entries] == ["many::1\nnew", "many::2\nlone"]
 
 
 @given(sizes=st.lists(st.integers(1, 30), min_size=1, max_size=6), count=st.integers(1, 8))
@@ -169,21 +169,3 @@ def test_every_scenario_of_a_file_is_there_once(sizes: list[int], count: int) ->
     every = {file.path.name: set(file.numbers) for file in files}
     dealt = [(name, number) for name, numbers in found for number in numbers or every[name]]
     assert sorted(dealt) == [(name, number) for name, numbers in every.items() for number in sorted(numbers)]
-
-
-def test_a_scenario_that_nobody_knows_counts_as_the_mean_of_its_file() -> None:
-    known: dict[Unit, float] = {(compared_name("many"), 1): 9.0, (compared_name("lone"), 1): 1.0}
-    files = [of("many", 1, 2), of("lone"), of("new")]
-    # 9 and 9, 1, and the mean of all that are known, 5.
-    entries = json.loads(matrix_text(files, [], 2, known))["include"]
-    assert [entry["scenario"] for entry in entries] == ["many::1\nnew", "many::2\nlone"]
-
-
-def test_a_scenario_takes_what_all_of_its_engines_take() -> None:
-    earlier = results(outcome("a", wall_time=2.0, number=1), outcome("a", wall_time=3.0, number=1))
-    assert list(known_durations(earlier).values()) == [5.0]
-
-
-def test_a_sweep_of_any_size_can_be_passed_on() -> None:
-    entries = json.loads(matrix_text([of("push.sim.yml", *range(1, 10_001))], [], 4, {}))["include"]
-    assert max(len(entry["scenario"]) for entry in entries) < MAX_BYTES

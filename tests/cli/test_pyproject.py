@@ -55,11 +55,11 @@ def test_each_subcommand_gets_what_it_takes(folder: Path) -> None:
     assert stated(folder, table + 'output-dir = "out"\n', "compare") == {"output_dir": "out", "summary": False}
     assert stated(folder, table, "rostest") == stated(folder, table, "roslaunch") == {"summary": False}
     assert stated(folder, table, "schema") == {}
-
-
-def test_expectations_that_are_never_judged_can_be_accepted(folder: Path) -> None:
     assert stated(folder, 'unexercised = "warn"') == {"unexercised": "warn"}
     assert stated(folder, 'unexercised = "warn"', "merge") == {}
+    # A file that has but the name is not read.
+    (folder / "pyproject.toml").write_text('[project]\nname = "sim-action"\n[tool.ruff]\nthis is no TOML')
+    assert default_map("run", folder) == {}
 
 
 @pytest.mark.parametrize(("command", "has"), [("run", True), ("validate", True), ("prove", False), ("compare", False)])
@@ -84,11 +84,6 @@ def test_strict_is_of_runs_and_checks_alone(command: str, has: bool, folder: Pat
 def test_the_table_may_be_written_in_any_way_that_toml_has(folder: Path, text: str) -> None:
     (folder / "pyproject.toml").write_text(text)
     assert default_map("run", folder) == {"run": {"seed": 3}}
-
-
-def test_a_file_that_has_but_the_name_is_not_read(folder: Path) -> None:
-    (folder / "pyproject.toml").write_text('[project]\nname = "sim-action"\n[tool.ruff]\nthis is no TOML')
-    assert default_map("run", folder) == {}
 
 
 def test_every_key_is_an_option_that_a_subcommand_has() -> None:
@@ -134,15 +129,13 @@ def test_the_nearest_table_counts_and_paths_start_from_its_folder(folder: Path) 
     assert stated(folder, table, here="suite/deep") == {"jobs": 5}
 
 
-def test_nothing_above_the_workspace_counts(tmp_path: Path) -> None:
+def test_nothing_above_the_workspace_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "w/.git").mkdir(parents=True)
     (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\njobs = 5\n")
     assert default_map("run", tmp_path / "w") == {}
     (tmp_path / "w/pyproject.toml").symlink_to(tmp_path / "pyproject.toml")
     assert default_map("run", tmp_path / "w") == {}
-
-
-def test_without_git_only_the_current_folder_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without git only the current folder counts.
     (tmp_path / "suite").mkdir()
     (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\njobs = 5\n")
     monkeypatch.chdir(tmp_path / "suite")
@@ -260,14 +253,11 @@ def test_what_a_variable_says_amiss_is_not_told_of_an_option(
     assert "Invalid value for '--backend': 'gazebo'" in capsys.readouterr().err
 
 
-def test_of_very_many_keys_that_are_unknown_few_are_told(folder: Path) -> None:
+def test_of_many_unknown_keys_few_are_told_and_a_large_file_is_not_read(folder: Path) -> None:
     keys = [f"key{number} = 1" for number in range(5_000)]
     found = told(folder, "\n".join(["bakcend = 'mujoco'", *keys]))
     assert found[0].startswith("pyproject.toml:5:1: bakcend: unknown key; did you mean 'backend'?")
     assert found[50] == "pyproject.toml:55:1: key49: unknown key"
     assert found[-1] == "pyproject.toml: and 4,901 more problems"
     assert len(found) == 101
-
-
-def test_a_file_that_is_too_large_is_not_read_in_part(folder: Path) -> None:
     assert told(folder, "jobs = 1\n" + "#" * 1_000_000) == ["pyproject.toml cannot be read: it is larger than 1 MB"]

@@ -57,12 +57,9 @@ def test_what_is_beyond_a_limit_is_cut_to_it(targets: JointTargets, taken: Joint
     assert Saturation(limited(), "ctl.py").clip(targets) == taken
 
 
-def test_of_several_commands_those_for_joints_are_cut() -> None:
+def test_answers_are_cut_and_noted_once() -> None:
     answer = (Twist.planar(1e9), JointTargets(effort={LEFT: 2.5}))
     assert Saturation(limited(), "ctl.py").clip_answer(answer) == (Twist.planar(1e9), JointTargets(effort={LEFT: 2.0}))
-
-
-def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:
     motors = Saturation(limited(), "ctl.py")
     for effort in (2.5, 50.0):
         motors.clip(JointTargets(effort={LEFT: -effort}))
@@ -71,6 +68,8 @@ def test_a_joint_is_noted_once_for_each_of_its_limits() -> None:
         "ctl.py commanded 2.5 N m for joint 'wheel_left_joint'; it was clipped to 2 N m, its effort limit",
         "ctl.py commanded 401.1 deg/s for joint 'wheel_left_joint'; it was clipped to 343.8 deg/s, its velocity limit",
     ]
+    targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
+    assert Saturation(limited(None, None), "ctl.py").clip(targets) is targets
 
 
 def test_a_position_beyond_the_limits_of_a_joint_is_noted_once_and_stays() -> None:
@@ -84,17 +83,18 @@ def test_a_position_beyond_the_limits_of_a_joint_is_noted_once_and_stays() -> No
     assert motors.notes == [f"ctl.py commanded joint 'wheel_left_joint' to a position that it cannot reach: {beyond}"]
 
 
-def test_a_model_without_limits_limits_nothing() -> None:
-    targets = JointTargets(effort={LEFT: 1e9}, velocity={LEFT: 1e9}, max_effort={LEFT: 1e9})
-    assert Saturation(limited(None, None), "ctl.py").clip(targets) is targets
-
-
-def test_it_tells_the_robot_and_how_it_is_asked() -> None:
+def test_robots_and_joints_are_described() -> None:
     robot = RobotDescription.of(replace(scene(), seed=5), 20.0, "script a.py Controller")
     assert (robot.name, robot.base, robot.rate, robot.seed) == ("turtlebot3_burger", "base_footprint", 20.0, 5)
     assert {"base_footprint", "wheel_left_link"} <= set(robot.links)
     assert [name for name, joint in robot.joints.items() if joint.moves] == ["wheel_left_joint", "wheel_right_joint"]
     assert robot.joints["scan_joint"] == JointDescription(type="fixed", moves=False)
+    there = scene()
+    left, right = (joint for joint in there.model.joints if joint.moves)
+    stated = replace(left, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimic=Mimic(right.name))
+    assert JointDescription.of(stated) == JointDescription(
+        type="continuous", moves=True, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimics=right.name
+    )
 
 
 def test_random_numbers_depend_on_seed_and_purpose_alone() -> None:
@@ -103,12 +103,3 @@ def test_random_numbers_depend_on_seed_and_purpose_alone() -> None:
 
     assert drawn(5, "script a.py") == drawn(5, "script a.py")
     assert len({drawn(5, "script a.py"), drawn(6, "script a.py"), drawn(5, "script b.py")}) == 3
-
-
-def test_a_joint_has_its_limits_and_whom_it_follows() -> None:
-    there = scene()
-    left, right = (joint for joint in there.model.joints if joint.moves)
-    stated = replace(left, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimic=Mimic(right.name))
-    assert JointDescription.of(stated) == JointDescription(
-        type="continuous", moves=True, lower=-1.0, upper=2.0, max_effort=3.0, max_velocity=4.0, mimics=right.name
-    )

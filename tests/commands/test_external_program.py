@@ -141,26 +141,18 @@ def test_unknown_links_are_refused_with_the_nearest_name() -> None:
 
 
 @pytest.mark.process
-def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
+def test_a_bad_start_and_a_state_that_is_not_finite_are_refused(tmp_path: Path) -> None:
     with (
         pytest.raises(ScriptError, match=r"answer reset with \{\}"),
         opened(tmp_path, ANSWERS.format("""'{"twist": {}}'""")),
     ):
         pass
-
-
-@pytest.mark.process
-def test_a_start_has_a_limit_of_its_own(tmp_path: Path) -> None:
     slow = "import time; time.sleep(600)"
     with (
         pytest.raises(ScriptError, match=r"within 0\.2 s of wall time \(start_within\)"),
         opened(tmp_path, slow, start_within=0.2),
     ):
         pass
-
-
-@pytest.mark.process
-def test_a_state_that_is_no_longer_finite_is_not_told(tmp_path: Path) -> None:
     with opened(tmp_path, answering("{}")) as controller, pytest.raises(ScriptError, match="no longer finite"):
         controller.command(replace(START, time=float("nan")))
 
@@ -218,11 +210,6 @@ def test_a_program_that_is_there_is_not_run_by_loading(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_program_that_has_gone_since_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match=r"'\./gone' does not exist"):
-        ProcessCommands(process=("./gone",)).open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
-
-
 def found(folder: Path, word: str) -> Path:
     return find_program(word, Workspace(folder, folder))
 
@@ -236,6 +223,8 @@ def test_a_word_is_looked_for_on_path_and_one_with_a_slash_in_the_workspace(tmp_
     # A link is run under its own name, by which a Python knows its virtual environment, and busybox its applet.
     (tmp_path / "link").symlink_to("bin/controller")
     assert found(tmp_path, "./link") == tmp_path / "link"
+    with pytest.raises(ScriptError, match=r"'\./gone' does not exist"):
+        ProcessCommands(process=("./gone",)).open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
 
 
 @pytest.mark.parametrize(

@@ -192,14 +192,9 @@ def test_a_position_begins_where_the_joint_does_and_others_at_0() -> None:
     assert found == JointTargets(
         position=near(elbow=0.0), velocity=near(elbow=1 / 0.99, turntable=middle), effort=near(shoulder=2 * middle)
     )
-
-
-def test_a_point_at_0_is_where_it_begins() -> None:
     commands = spec({"at": 0, "position": {"elbow": 0.5}}, {"at": 1, "position": {"elbow": 1.5}}, rate=240)
     assert at(commands, 0.0, scene(elbow=-1.0)) == JointTargets(position=near(elbow=0.5), velocity=near(elbow=0.0))
-
-
-def test_a_point_does_not_concern_joints_that_it_does_not_name() -> None:
+    # A point does not concern joints that it does not name.
     both = spec(
         {"at": 1, "position": {"shoulder": 0.5}}, {"at": 2, "position": {"elbow": 1, "shoulder": 1.5}}, rate=240
     )
@@ -239,22 +234,18 @@ def test_it_ends_at_rest_at_the_last_point_and_says_no_more(interpolation: str, 
 ARM = scene()
 
 
-def test_units_are_those_of_each_joint() -> None:
+def test_units_joints_and_rest() -> None:
     point = {"at": 0, "position": {"elbow": "90 deg"}, "effort": {"left_finger_joint": "500 mN"}}
     found = at(spec(point, {"at": 1, "velocity": {"turntable": "60 rpm"}}, rate=240), 1.0)
     assert found is not None
     assert (found.position, found.effort) == (near(elbow=1.5707963267948966), near(left_finger_joint=0.5))
     assert found.velocity == near(elbow=0.0, turntable=6.283185307179586)
-
-
-def test_it_knows_its_joints_and_needs_no_drive() -> None:
+    # A source knows its joints and needs no drive.
     commands = spec({"at": 1, "position": {"a": 1}, "effort": {"b": 1}}, {"at": 2, "velocity": {"c": 1}})
     assert commands.joints(scene()) == {"a", "b", "c"}
     assert not commands.needs_drive
     assert not commands.runs_user_code
-
-
-def test_before_0_positions_are_held_and_velocities_braked_whatever_the_points_say() -> None:
+    # Before 0 positions are held and velocities braked.
     point = {"at": 0, "position": {"elbow": 1}, "velocity": {"turntable": 2}, "effort": {"shoulder": 4}}
     controller = spec(point).open(scene(elbow=-1.0))
     assert isinstance(controller, OpenLoop)
@@ -380,11 +371,18 @@ def test_what_a_joint_cannot_do_is_told_on_its_line(points: str, problem: str, t
     assert f" commands.joints.{problem}" in found
 
 
-def test_the_first_way_begins_where_the_joint_does(tmp_path: Path) -> None:
+def test_where_a_joint_begins_counts_and_is_told_once(tmp_path: Path) -> None:
     points = "[{at: 1, position: {elbow: 2}}]"
     assert load(tmp_path, scenario(tmp_path, points))
     (found,) = told(tmp_path, scenario(tmp_path, points, robot=", joints: {elbow: -2}"))
     assert "the time since 0 s is too short" in found
+    assert load(tmp_path, scenario(tmp_path, "[{at: 0, position: {elbow: 2}}]"))
+    text = scenario(tmp_path, "[{at: 1, position: {elbow: 2}}]", robot=", joints: {elbow: 1 m}")
+    (found,) = told(tmp_path, text)
+    assert "robot.joints.elbow" in found
+    # Of very many unknown joints the first are told.
+    names = ", ".join(f"no{number}: 1" for number in range(1000))
+    assert len(told(tmp_path, scenario(tmp_path, f"[{{at: 1, position: {{{names}}}}}]"))) == 10
 
 
 def test_minimum_jerk_needs_more_time_and_a_step_none(tmp_path: Path) -> None:
@@ -394,36 +392,16 @@ def test_minimum_jerk_needs_more_time_and_a_step_none(tmp_path: Path) -> None:
     assert "214.9 deg/s is more than the joint's velocity limit, 171.9 deg/s; allow 1.25 s" in found
     points = "[{at: 0.01, position: {elbow: 2}}]"
     assert load(tmp_path, scenario(tmp_path, points, "  interpolation: hold\n"))
-
-
-def test_the_time_that_is_advised_is_enough(tmp_path: Path) -> None:
+    # The time that is advised is enough.
     for end, problems in ((1.25, 0), (1.24, 1)):
         text = scenario(tmp_path, f"[{{at: {end}, position: {{elbow: 2}}}}]", "  interpolation: minimum_jerk\n")
         assert len(told(tmp_path, text) if problems else []) == problems
         assert problems or load(tmp_path, text)
-
-
-def test_a_joint_that_hardly_moves_takes_days(tmp_path: Path) -> None:
     text = scenario(tmp_path, "[{at: 1, position: {elbow: 2}}]")
     arm = (tmp_path / "arm.urdf").read_text()
     (tmp_path / "arm.urdf").write_text(arm.replace('velocity="3"', 'velocity="1e-320"'))
     (found,) = told(tmp_path, text)
     assert found.endswith("; the joint would need days")
-
-
-def test_a_joint_may_begin_with_a_step(tmp_path: Path) -> None:
-    assert load(tmp_path, scenario(tmp_path, "[{at: 0, position: {elbow: 2}}]"))
-
-
-def test_where_the_robot_begins_is_told_once(tmp_path: Path) -> None:
-    text = scenario(tmp_path, "[{at: 1, position: {elbow: 2}}]", robot=", joints: {elbow: 1 m}")
-    (found,) = told(tmp_path, text)
-    assert "robot.joints.elbow" in found
-
-
-def test_of_very_many_unknown_joints_the_first_are_told(tmp_path: Path) -> None:
-    names = ", ".join(f"no{number}: 1" for number in range(1000))
-    assert len(told(tmp_path, scenario(tmp_path, f"[{{at: 1, position: {{{names}}}}}]"))) == 10
 
 
 def test_two_sources_for_one_joint_are_told(tmp_path: Path) -> None:

@@ -47,23 +47,17 @@ def ask_often(lockstep: LineProcess, limit: AnswerLimit) -> None:
 def test_each_line_is_answered_by_the_next(tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
         assert [lockstep.ask(question, LIMIT) for question in (b"one", b"two")] == [b"ONE", b"TWO"]
-
-
-def test_it_runs_in_its_folder(tmp_path: Path) -> None:
     with running("input(); print(os.getcwd(), flush=True)\ninput()", tmp_path) as lockstep:
         assert lockstep.ask(b"where", LIMIT) == str(tmp_path).encode()
+    pieces = "for line in sys.stdin:\n    for c in 'abc\\n': sys.stdout.write(c); sys.stdout.flush(); time.sleep(0.02)"
+    with running(pieces, tmp_path) as lockstep:
+        assert [lockstep.ask(b"go", LIMIT) for _ in range(2)] == [b"abc", b"abc"]
 
 
 @pytest.mark.parametrize("length", [10, 200_000, MAX_LINE_BYTES])
 def test_lines_of_any_length_come_whole(length: int, tmp_path: Path) -> None:
     with running(ECHO, tmp_path) as lockstep:
         assert lockstep.ask(b"a" * length, LIMIT) == b"A" * length
-
-
-def test_a_line_that_comes_in_pieces_is_one_line(tmp_path: Path) -> None:
-    pieces = "for line in sys.stdin:\n    for c in 'abc\\n': sys.stdout.write(c); sys.stdout.flush(); time.sleep(0.02)"
-    with running(pieces, tmp_path) as lockstep:
-        assert [lockstep.ask(b"go", LIMIT) for _ in range(2)] == [b"abc", b"abc"]
 
 
 @pytest.mark.parametrize(
@@ -115,9 +109,7 @@ def test_one_that_has_ended_while_what_it_started_holds_its_output_is_told_so(tm
         # No test waits for so long: it is told when it is gone.
         with pytest.raises(ScriptError, match="exited with code 4"):
             lockstep.ask(b"y", AnswerLimit(3600.0, "answer_within"))
-
-
-def test_an_answer_that_it_left_when_it_ended_counts(tmp_path: Path) -> None:
+    # An answer that it left counts.
     child = "input()\nif os.fork() == 0: time.sleep(600)\nprint('a', flush=True)\nos._exit(0)"
     with running(child, tmp_path) as lockstep:
         assert lockstep.ask(b"x", AnswerLimit(3600.0, "answer_within")) == b"a"
@@ -142,13 +134,12 @@ def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:
     assert error.details.splitlines() == [f"line {n}" for n in range(9980, 10_000)]
 
 
-def test_what_it_says_on_standard_error_is_passed_on(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_it_says_on_standard_error_is_passed_on_also_after_the_end(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     with running("print('hello', file=sys.stderr)\n" + ECHO, tmp_path) as lockstep:
         lockstep.ask(b"x", LIMIT)
     assert "hello\n" in capfd.readouterr().err
-
-
-def test_a_program_is_told_the_end_and_may_say_its_farewell(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with running(ECHO + "\nprint('farewell', file=sys.stderr)", tmp_path) as lockstep:
         lockstep.ask(b"x", LIMIT)
     assert "farewell\n" in capfd.readouterr().err

@@ -145,9 +145,7 @@ def test_coordinates_keep_their_last_value_and_the_link_waits() -> None:
     angles = geometry.rpy_from_quaternion(path.legs[2].goal.orientation_xyzw)
     assert math.remainder(angles[0] - math.pi, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
     assert angles[1:] == pytest.approx((0.0, 1.0), abs=1e-9)
-
-
-def test_a_way_takes_the_time_of_its_speed() -> None:
+    # A way takes the time of its speed.
     path = spec({"x": 0.4, "speed": 0.3}, {"x": 0.5, "at": 1.01}, rate=10).path(Pose((0.5, 0.1, 0.4)))
     # 1.875 x 0.1 m / 0.3 m/s = 0.625 s.
     assert [leg.end for leg in path.legs] == pytest.approx([0.625, 1.01])
@@ -199,13 +197,16 @@ def test_the_world_and_the_base_are_two_frames() -> None:
     assert flange(scene, ends[0]).position_xyz == pytest.approx((0.8, 2.4, 0.5 + START_XYZ[2]), abs=1e-5)
 
 
-def test_joints_are_held_before_the_start_and_the_source_names_them() -> None:
+def test_joints_are_held_before_the_start_and_on_a_closed_path() -> None:
     scene, commands = arm(), spec({"z": 0.3})
     controller = commands.open(scene)
     assert isinstance(controller, OpenLoop)
     assert set(controller.holding.position) == commands.joints(scene)
     assert controller.holding.position["elbow_joint"] == pytest.approx(math.radians(98.91))
     assert len(commands.joints(scene)) == 6
+    scene, commands = arm(), spec({"at": 1.0})
+    (first, *_) = targets(commands, scene, 2.0)
+    assert set(first.velocity.values()) == {0.0}
 
 
 MOBILE: Final = "".join(
@@ -403,12 +404,6 @@ def test_a_joint_of_two_sources(tmp_path: Path) -> None:
     ]
     (found,) = told(tmp_path, json.dumps({**SCENARIO, "commands": commands}, indent=1))
     assert "'elbow_joint'" in found
-
-
-def test_a_closed_path_needs_no_motion() -> None:
-    scene, commands = arm(), spec({"at": 1.0})
-    (first, *_) = targets(commands, scene, 2.0)
-    assert set(first.velocity.values()) == {0.0}
 
 
 def test_a_start_beyond_half_a_turn_is_another_posture() -> None:

@@ -68,15 +68,12 @@ def told_at(folder: Path, text: str) -> tuple[str, str]:
     return place, message
 
 
-def test_csv_is_replayed_from_its_first_row(tmp_path: Path) -> None:
+def test_a_log_is_replayed_from_its_first_row(tmp_path: Path) -> None:
     bags.csv_file(tmp_path / "a.csv", [(100.0, 0.2, 0.0), (101.0, 0.3, 0.0)])
     assert given_at(0.0, tmp_path, replay="a.csv") == Twist.planar(0.2)
     assert given_at(1.0, tmp_path, replay="a.csv") == Twist.planar(0.3)
     assert given_at(0.0, tmp_path, replay="a.csv", start="1 s") == Twist.planar(0.3)
     assert given_at(1.5, tmp_path, replay="a.csv", timeout="0.4 s") == Twist()
-
-
-def test_a_log_of_ros_is_replayed_by_its_topic(tmp_path: Path) -> None:
     ros2_bag(tmp_path / "monday", [*drive(TWISTS), *drive([(2.0, 9.0, 9.0)], "/other")])
     assert given_at(0.5, tmp_path, replay="monday", topic="/cmd_vel") == Twist.planar(0.2, 0.5)
     assert given_at(0.0, tmp_path, replay="monday", topic="/other", type=bags.TWIST) == Twist.planar(9.0, 9.0)
@@ -229,14 +226,11 @@ def test_of_csv_and_of_what_the_scenario_names_twists_and_joints_are_known(tmp_p
     assert spec(replay="nowhere.csv").joints(found) == frozenset()
 
 
-def test_a_log_and_twists_for_the_same_wheels_are_an_error_at_load(tmp_path: Path) -> None:
+def test_a_log_for_wheels_that_move_and_one_without_its_topic(tmp_path: Path) -> None:
     (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
     text = LEAST.replace(TWIST, "commands:\n  - replay: wheels.csv\n  - twist: [{linear: 1.0}]\n")
     _, found = told_at(tmp_path, text)
     assert "joint 'wheel_left_joint' is moved by commands.0 already" in found
-
-
-def test_which_source_cannot_be_opened_is_told(tmp_path: Path) -> None:
     mcap_file(tmp_path / "a.mcap", drive(TWISTS))
     text = LEAST.replace(TWIST, "commands:\n  - twist: [{linear: 1.0}]\n  - {replay: a.mcap, topic: /odom}\n")
     loaded = load(tmp_path, text)
@@ -297,12 +291,10 @@ def played_at(folder: Path, times: list[float], rows: list[tuple[float, float, f
     return [controller.command(time) for time in times]  # type: ignore[arg-type]  # a log needs no observation
 
 
-def test_a_row_acts_once_at_its_own_time_and_holds(tmp_path: Path) -> None:
+def test_a_row_acts_once_and_holds(tmp_path: Path) -> None:
     times = [0.0, 0.5, 1.0, 1.5, 2.0, 99.0]
     assert played_at(tmp_path, times, LOG) == [SLOW, None, FAST, None, SLOW, None]
-
-
-def test_with_a_rate_the_last_row_between_two_ticks_acts_at_the_later_one(tmp_path: Path) -> None:
+    # With a rate, the last row between two ticks acts at the later one.
     rows = [(0.0, 0.1, 0.0), (0.06, 0.9, 0.0), (0.08, 0.1, 0.0)]
     assert played_at(tmp_path, [0.0, 0.1], rows, rate="10 Hz") == [SLOW, SLOW]
 

@@ -45,15 +45,10 @@ def test_segments_follow_one_another_and_then_it_stops(time: float, twist: Twist
     assert at(commands, time) == twist
 
 
-def test_a_segment_may_go_sideways() -> None:
+def test_segments_go_sideways_and_last_until_the_next() -> None:
     assert at(spec({"linear": 1.0, "lateral": "-20 cm/s"}), 0.0) == Twist.planar(1.0, lateral=-0.2)
-
-
-def test_an_open_segment_lasts_to_the_end() -> None:
     assert at(spec({"linear": 1.0, "for": 1}, {"linear": 0.5}), 1e6) == Twist.planar(0.5)
-
-
-def test_a_tick_on_a_segments_end_belongs_to_the_next_whatever_the_rounding() -> None:
+    # A tick on the end of a segment belongs to the next, whatever the rounding.
     commands = spec(*[{"linear": float(n), "for": 0.1} for n in range(10)])
     assert [at(commands, n / 10) for n in range(10)] == [Twist.planar(float(n)) for n in range(10)]
 
@@ -117,11 +112,8 @@ def test_every_segment_is_driven_or_told(lengths: list[float]) -> None:
     assert dropped == {number for number in range(len(lengths)) if Twist.planar(float(number)) not in driven}
 
 
-def test_it_needs_a_drive_and_runs_no_code() -> None:
+def test_it_needs_a_drive_and_ticks_at_10_hertz() -> None:
     assert TwistCommands.needs_drive
     assert not TwistCommands.runs_user_code
-
-
-def test_it_ticks_at_10_hertz_unless_told_otherwise() -> None:
     assert spec({}).rate == 10.0
     assert spec({}, rate="20 Hz").rate == 20.0

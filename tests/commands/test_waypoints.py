@@ -118,9 +118,6 @@ def test_it_drives_as_the_figures_say() -> None:
     to_the_left = first(spec((0.0, 2.0)), Mobility(heading=math.pi / 2))
     assert to_the_left.linear_xyz[0] == 0.2
     assert to_the_left.angular_xyz[2] == pytest.approx(0.0)
-
-
-def test_it_needs_a_drive_and_runs_no_code() -> None:
     assert WaypointCommands.needs_drive
     assert not WaypointCommands.runs_user_code
 
@@ -186,8 +183,16 @@ def test_a_leg_of_no_length_is_a_point(end: Point, point: Point, lookahead: floa
     assert leg.closest(point) == leg.lookahead_point(point, lookahead) == end
 
 
-def test_a_point_seen_from_a_robot() -> None:
+def test_points_turns_and_braking() -> None:
     assert in_robot_frame((1.0, 1.0), math.pi / 2, (0.0, 4.0)) == pytest.approx((3.0, 1.0))
+    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, -1.0), (0.0, 0.0), (0.5, 0.5)]
+    path = [Leg(*ends) for ends in pairwise(corners)]
+    assert [math.degrees(turn) for turn in turn_angles(path)] == pytest.approx([90.0, 135.0, 90.0])
+    back = [Leg((0.0, 0.0), (-1.0, 0.1)), Leg((-1.0, 0.1), (-2.0, 0.0))]
+    assert turn_angles(back) == pytest.approx([2 * math.atan(0.1)])
+    # 1 m/s^2 for 2 s: 2 m.
+    assert braking_speed(2.0, 1.0) == 2.0
+    assert braking_speed(0.0, 1.0) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -215,20 +220,6 @@ def test_both_ends_of_an_arc_are_as_far_from_its_centre(ahead: float, left: floa
     assume(abs(curvature) > 1e-3)
     centre = (-before_axle, 1 / curvature)
     assert math.dist(centre, (0.0, 0.0)) == pytest.approx(math.dist(centre, (ahead, left)))
-
-
-def test_how_far_a_path_turns() -> None:
-    corners = [(0.0, 0.0), (1.0, 0.0), (1.0, -1.0), (0.0, 0.0), (0.5, 0.5)]
-    path = [Leg(*ends) for ends in pairwise(corners)]
-    assert [math.degrees(turn) for turn in turn_angles(path)] == pytest.approx([90.0, 135.0, 90.0])
-    back = [Leg((0.0, 0.0), (-1.0, 0.1)), Leg((-1.0, 0.1), (-2.0, 0.0))]
-    assert turn_angles(back) == pytest.approx([2 * math.atan(0.1)])
-
-
-def test_who_brakes_evenly_stands_still_in_time() -> None:
-    """1 m/s^2 for 2 s: 2 m."""
-    assert braking_speed(2.0, 1.0) == 2.0
-    assert braking_speed(0.0, 1.0) == 0.0
 
 
 PURSUIT = WaypointCommands.model_construct(waypoints=(), speed=0.5, lookahead=0.3, tolerance=0.05, max_turn_rate=2.0)
@@ -392,17 +383,25 @@ def test_it_turns_in_place_to_a_path_that_is_behind_it_and_then_drives() -> None
     assert abs(robot.yaw) < math.radians(1)
 
 
-def test_a_car_takes_its_tightest_curve_to_a_path_that_is_behind_it() -> None:
+def test_a_car_takes_the_arc_to_its_path() -> None:
     (_, twist), *_ = driven(Robot(CAR), [(-2.0, 0.5)], PURSUIT, 1)
     speed, turn = twist.linear_xyz[0], twist.angular_xyz[2]
     assert speed > 0
     assert turn / speed == pytest.approx(CAR.tightest, rel=0.02)
+    # The base link is 0.5 m before the axle; the centre is on the line of that, as far from both ends of the arc.
+    (_, twist), *_ = driven(Robot(dataclasses.replace(CAR, ahead=0.5), x=-0.5), [(0.2, 0.1)], PURSUIT, 1)
+    centre = (-0.5, twist.linear_xyz[0] / twist.angular_xyz[2])
+    assert math.dist(centre, (0.0, 0.0)) == pytest.approx(math.dist(centre, (0.2, 0.1)))
 
 
-def test_on_its_way_it_keeps_its_speed_and_a_straight_line() -> None:
+def test_it_keeps_its_speed_and_turns_no_faster_than_it_may() -> None:
     seen = list(driven(Robot(SPOT), [(2.0, 0.0), (3.0, 0.5), (4.0, 0.5)], PURSUIT, 60))
     amid = [(place, twist) for place, twist in seen if 0.5 < place[0] < 1.5]
     assert all(twist == Twist.planar(PURSUIT.speed) and place[1] == 0 for place, twist in amid)
+    slow = PURSUIT.model_copy(update={"max_turn_rate": 0.5})
+    seen = list(driven(Robot(SPOT, yaw=0.7), [(1.0, 0.0), (2.0, 0.9)], slow, 60))
+    rates = [abs(twist.angular_xyz[2]) for _, twist in seen]
+    assert 0.45 < max(rates) <= 0.5 + 1e-12
 
 
 def test_it_slows_down_to_turn_on_the_spot_but_not_for_a_bend() -> None:
@@ -416,7 +415,13 @@ def test_it_slows_down_to_turn_on_the_spot_but_not_for_a_bend() -> None:
     assert max(place[0] for place, _ in corner) < 2.0 + PURSUIT.tolerance
 
 
-def test_where_it_stops_it_is_nearer_than_it_has_to_be() -> None:
+def test_where_it_brakes_and_stops() -> None:
+    """From 1 m/s at 0.5 m/s^2: 1 m before the end."""
+    fast = PURSUIT.model_copy(update={"speed": 1.0})
+    seen = list(driven(Robot(SPOT), [(1.5, 0.0), (3.0, 0.0)], fast, 60))
+    braking = next(place[0] for place, twist in seen if place[0] > 1 and twist.linear_xyz[0] < 1)
+    assert braking == pytest.approx(2.0, abs=0.06)
+    # Where it stops it is nearer than it has to be.
     slow = PURSUIT.model_copy(update={"speed": 0.1})
     places = [place for place, _ in driven(Robot(SPOT), [(1.0, 0.0), (1.0, 1.0)], slow, 60)]
     for waypoint in ((1.0, 0.0), (1.0, 1.0)):
@@ -424,34 +429,10 @@ def test_where_it_stops_it_is_nearer_than_it_has_to_be() -> None:
     assert math.dist(places[-1], (1.0, 1.0)) <= PURSUIT.tolerance / 4
 
 
-def test_it_takes_the_arc_of_what_is_to_arrive() -> None:
-    """The base link is 0.5 m before the axle; the centre is on the line of that, as far from both ends of the arc."""
-    (_, twist), *_ = driven(Robot(dataclasses.replace(CAR, ahead=0.5), x=-0.5), [(0.2, 0.1)], PURSUIT, 1)
-    centre = (-0.5, twist.linear_xyz[0] / twist.angular_xyz[2])
-    assert math.dist(centre, (0.0, 0.0)) == pytest.approx(math.dist(centre, (0.2, 0.1)))
-
-
-def test_it_begins_to_brake_at_half_of_what_the_drive_can_do() -> None:
-    """From 1 m/s at 0.5 m/s^2: 1 m before the end."""
-    fast = PURSUIT.model_copy(update={"speed": 1.0})
-    seen = list(driven(Robot(SPOT), [(1.5, 0.0), (3.0, 0.0)], fast, 60))
-    braking = next(place[0] for place, twist in seen if place[0] > 1 and twist.linear_xyz[0] < 1)
-    assert braking == pytest.approx(2.0, abs=0.06)
-
-
-def test_who_begins_at_its_waypoint_stays_there() -> None:
+def test_who_is_at_its_waypoint_stays_there() -> None:
     seen = list(driven(Robot(SPOT, yaw=1.0), [(0.0, 0.0)], PURSUIT, 10))
     assert [twist for _, twist in seen] == [Twist(), Twist()]
-
-
-def test_who_has_arrived_stays_even_if_it_is_pushed_away() -> None:
+    # Also if it is pushed away.
     follower = PathFollower(through([(0.0, 0.0)], PURSUIT), SPOT)
     away = Pose((1.0, 0.0, 0.1))
     assert [follower.command(dataclasses.replace(START, pose=pose)) for pose in (Pose(), away)] == [Twist(), Twist()]
-
-
-def test_no_curve_turns_faster_than_it_may() -> None:
-    slow = PURSUIT.model_copy(update={"max_turn_rate": 0.5})
-    seen = list(driven(Robot(SPOT, yaw=0.7), [(1.0, 0.0), (2.0, 0.9)], slow, 60))
-    rates = [abs(twist.angular_xyz[2]) for _, twist in seen]
-    assert 0.45 < max(rates) <= 0.5 + 1e-12

@@ -49,9 +49,7 @@ def test_it_begins_and_ends_once_at_ticks() -> None:
         (0.5, acting),
         (0.75, LinkWrench("base_scan")),
     ]
-
-
-def test_by_default_it_acts_on_the_base_link_in_the_world_frame_from_the_start_to_the_end() -> None:
+    # By default it acts on the base link in the frame of the world, from the start to the end.
     assert given_at(spec(torque=(0, 0, "3 N m")), 80) == [
         (0.0, LinkWrench("base_footprint", torque_xyz=(0.0, 0.0, 3.0)))
     ]
@@ -107,12 +105,16 @@ def test_bad_input_is_refused_at_its_line(wrench: str, line: int, message: str, 
     assert {problem.location.line for problem in found} == {line}
 
 
-def test_a_wrench_on_a_fixed_base_is_refused(tmp_path: Path) -> None:
+def test_a_fixed_base_and_a_rate_that_does_not_divide_are_refused(tmp_path: Path) -> None:
     text = LEAST.replace(COMMANDS, "commands:\n  wrench: {force: [0, 0, 1]}\n").replace(
         "  model: turtlebot3_burger\n", "  model: turtlebot3_burger\n  base: fixed\n"
     )
     messages = [problem.message for problem in problems(tmp_path, text)]
     assert any("link 'base_footprint' is fixed to the world, so nothing moves it" in each for each in messages)
+    text = LEAST.replace(COMMANDS, "commands: {wrench: {force: [0, 0, 1]}, rate: 40 Hz}\nphysics: {rate: 500 Hz}\n")
+    (found,) = problems(tmp_path, text)
+    near = "nearest: 25 Hz and 50 Hz; or set physics: {rate: 520 Hz}"
+    assert found.message == f"commands.rate: 40 Hz does not divide physics.rate, 500 Hz; {near}"
 
 
 @pytest.mark.parametrize(
@@ -131,10 +133,3 @@ def test_the_default_rate_divides_that_of_the_physics(
     text += "expect: [{max_speed: {linear: 1}}]\ntime_limit: 1 s\nallow: [fixed-base]\n"
     (source,) = load(tmp_path, text).scenario.commands
     assert source.rate == pytest.approx(rate)
-
-
-def test_a_rate_that_is_written_must_divide_that_of_the_physics(tmp_path: Path) -> None:
-    text = LEAST.replace(COMMANDS, "commands: {wrench: {force: [0, 0, 1]}, rate: 40 Hz}\nphysics: {rate: 500 Hz}\n")
-    (found,) = problems(tmp_path, text)
-    near = "nearest: 25 Hz and 50 Hz; or set physics: {rate: 520 Hz}"
-    assert found.message == f"commands.rate: 40 Hz does not divide physics.rate, 500 Hz; {near}"

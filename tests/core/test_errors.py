@@ -65,29 +65,21 @@ def test_an_invalid_scenario_says_all_its_problems_a_line_each() -> None:
     assert str(error) == "a.yml:1:2: first\na.yml:3:4: second"
 
 
-def test_a_near_name_is_offered() -> None:
+def test_near_names_are_offered_with_the_list() -> None:
     assert did_you_mean("travl", ["upright", "travel"]) == "; did you mean 'travel'? (allowed: travel, upright)"
-
-
-def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
     assert did_you_mean("zzz", ["upright", "travel"]) == " (allowed: travel, upright)"
     assert did_you_mean("zzz", []) == " (allowed: none)"
     assert did_you_mean("wrld", ["world", "base", "world"]) == "; did you mean 'world'? (allowed: base, world)"
-
-
-def test_a_name_that_begins_with_the_word_is_near_if_it_is_the_only_one() -> None:
-    assert nearest("ur5", ["husky_a200", "ur5e_gripper"]) == "ur5e_gripper"
-    assert nearest("ur5", ["ur5e_gripper", "ur5e_with_camera"]) is None
-    assert nearest("ur", ["ur5e_gripper"]) is None
-
-
-def test_of_many_names_some_are_listed() -> None:
     hint = did_you_mean("n77", [f"n{number:02}" for number in range(99)])
     assert hint.startswith("; did you mean 'n77'? (allowed: n00, n01, ")
     assert hint.endswith(" n39, and 59 more)")
 
 
-def test_of_very_many_names_and_of_long_ones_not_all_are_compared() -> None:
+def test_which_names_are_near() -> None:
+    assert nearest("ur5", ["husky_a200", "ur5e_gripper"]) == "ur5e_gripper"
+    assert nearest("ur5", ["ur5e_gripper", "ur5e_with_camera"]) is None
+    assert nearest("ur", ["ur5e_gripper"]) is None
+    # Of very many names and of long ones not all are compared.
     assert nearest("wheel", (f"x{number}" for number in range(1_000))) is None
     assert nearest("wheel", [*(f"x{number}" for number in range(999)), "wheels"]) == "wheels"
     assert nearest("wheel", [*(f"x{number}" for number in range(1_000)), "wheels"]) is None

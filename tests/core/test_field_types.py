@@ -71,16 +71,10 @@ def test_a_validator_may_build_a_part() -> None:
         Whole.model_validate({"limit": -1})
 
 
-def test_a_quantity_is_a_float_in_si() -> None:
+def test_a_quantity_is_a_float_in_si_and_a_spec_is_frozen() -> None:
     assert Spec.model_validate({"limit": "2 min", "x": "3 cm"}) == Spec(limit=120.0, x=0.03)
     assert Spec.model_validate({"limit": 3}).limit == 3.0
-
-
-def test_a_unit_error_is_passed_on_word_for_word_with_its_braces() -> None:
     assert messages(limit="{x}") == ["expected time such as '1 s', found '{x}'"]
-
-
-def test_a_spec_knows_its_keys_and_cannot_be_changed() -> None:
     assert messages(limits=1) == ["Extra inputs are not permitted"]
     with pytest.raises(ValidationError, match="frozen"):
         Spec().limit = 2.0  # type: ignore[misc]  # frozen: that is the test
@@ -194,13 +188,8 @@ def test_the_schema_says_how_a_quantity_is_written() -> None:
         assert schema["pattern"].startswith(f"(?!)number, or text such as {text}|")
         assert not re.search(schema["pattern"], f"number, or text such as {text}")
         assert re.search(schema["pattern"], schema["examples"][0])
-
-
-def test_the_schema_of_a_ratio_is_a_number() -> None:
     assert TypeAdapter(field_types.NonNegativeRatio).json_schema() == {"minimum": 0, "type": "number"}
-
-
-def test_a_quantity_of_several_dimensions_says_all_of_them() -> None:
+    # A quantity of several dimensions says all of them.
     adapter = TypeAdapter[float](Annotated[float, Quantity((units.ANGLE, units.LENGTH))])
     assert adapter.validate_python("180 deg") == pytest.approx(math.pi)
     with pytest.raises(ValidationError, match="not a unit of angle or length"):

@@ -61,6 +61,9 @@ def test_no_more_is_read_than_is_asked_for(tmp_path: Path, most: int, found: byt
 
 
 def test_a_file_is_replaced_when_all_is_written(tmp_path: Path) -> None:
+    with pytest.raises(UnicodeEncodeError):
+        write_half(tmp_path / "a.json")
+    assert list(tmp_path.iterdir()) == []
     path = tmp_path / "a.json"
     path.write_text("before")
     with whole_file(path) as file:
@@ -69,12 +72,6 @@ def test_a_file_is_replaced_when_all_is_written(tmp_path: Path) -> None:
         assert path.read_text() == "before"
     assert path.read_text() == "after"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_nothing_is_left_of_what_was_not_finished(tmp_path: Path) -> None:
-    with pytest.raises(UnicodeEncodeError):
-        write_half(tmp_path / "a.json")
-    assert list(tmp_path.iterdir()) == []
 
 
 def write_half(path: Path) -> None:
@@ -202,9 +199,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert entry.read() == CONTENT
     assert Entry.of(tmp_path / "deep" / "cache", "obj", b"source").read() == CONTENT
     assert list((tmp_path / "deep" / "cache").iterdir()) == [file_of(entry)]
-
-
-def test_what_differs_has_an_entry_of_its_own(tmp_path: Path) -> None:
     made: list[list[object]] = [[], [1], [2], [(1.0, 2.0), "stl"], [(1.0, 2.0), "obj"]]
     entries = [stored(tmp_path, source, *made_with) for source in (b"a", b"b") for made_with in made]
     assert len({entry.path for entry in entries}) == len(entries)
@@ -291,16 +285,20 @@ def test_an_entry_that_is_too_large_is_not_kept(tmp_path: Path, monkeypatch: pyt
     assert entry.read() is None
 
 
-def test_without_a_folder_nothing_is_kept() -> None:
+def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = Entry.of(None, "obj", b"source")
     entry.write(CONTENT)
     assert (entry.path, entry.read()) == (None, None)
-
-
-def test_a_folder_that_cannot_be_made_is_no_cache(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     assert stored(tmp_path / "file" / "cache").read() is None
     assert stored(Path("nul\0", "cache")).read() is None
+
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setattr(Path, "home", homeless)
+    assert cache_folder("meshes") is None
 
 
 @pytest.mark.parametrize("stated", ["", "relative/cache"])
@@ -310,15 +308,6 @@ def test_the_folder_is_that_of_the_specification(stated: str, tmp_path: Path, mo
     monkeypatch.setenv("XDG_CACHE_HOME", stated)
     monkeypatch.setenv("HOME", "/home/somebody")
     assert cache_folder("meshes") == Path("/home/somebody/.cache/sim-action/meshes")
-
-
-def test_who_has_no_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    def homeless() -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setenv("XDG_CACHE_HOME", "")
-    monkeypatch.setattr(Path, "home", homeless)
-    assert cache_folder("meshes") is None
 
 
 WRITER = """

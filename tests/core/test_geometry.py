@@ -49,9 +49,11 @@ def test_roll_pitch_yaw_turn_about_the_fixed_axes_in_this_order(rpy: Vector3, ve
     assert rotate(quaternion_from_rpy(*rpy), vector) == pytest.approx(turned, abs=1e-15)
 
 
-def test_no_rotation_is_the_identity() -> None:
+def test_no_rotation_is_the_identity_and_all_have_unit_length() -> None:
     assert quaternion_from_rpy(0, 0, 0) == IDENTITY
     assert rotate(IDENTITY, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    rotation: Quaternion = quaternion_from_rpy(0.3, -0.4, 0.5)
+    assert math.hypot(*rotation) == pytest.approx(1.0)
 
 
 @given(angles, angles, angles, vectors)
@@ -79,6 +81,8 @@ def test_composed_poses_are_seen_from_the_outermost_frame() -> None:
     composed = compose(outer, inner)
     assert composed.position_xyz == pytest.approx((1.0, 3.0, 3.0))
     assert abs(composed.yaw) == pytest.approx(math.pi)
+    pose = Pose((1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5))
+    assert compose(pose, Pose()) == compose(Pose(), pose) == pose
 
 
 @given(st.tuples(*[st.floats(-3.1, 3.1)] * 3))
@@ -97,20 +101,15 @@ def test_roll_pitch_and_yaw_make_the_rotation_they_came_from(pitch: float, roll:
     assert multiply(conjugate(rotation), again)[:3] == pytest.approx((0, 0, 0), abs=1e-12)
 
 
-def test_composing_with_no_pose_changes_nothing() -> None:
-    pose = Pose((1.0, 2.0, 3.0), (0.5, 0.5, 0.5, 0.5))
-    assert compose(pose, Pose()) == compose(Pose(), pose) == pose
-
-
-def test_a_planar_twist_goes_forward_and_turns_left() -> None:
+def test_planar_twists_and_arithmetic_of_vectors() -> None:
     assert Twist.planar(1, 2) == Twist((1.0, 0.0, 0.0), (0.0, 0.0, 2.0))
     assert Twist.planar(1, 2, lateral=3) == Twist((1.0, 3.0, 0.0), (0.0, 0.0, 2.0))
     assert Twist.planar() == Twist()
-
-
-def test_a_quaternion_of_unit_length_comes_of_every_angle() -> None:
-    rotation: Quaternion = quaternion_from_rpy(0.3, -0.4, 0.5)
-    assert math.hypot(*rotation) == pytest.approx(1.0)
+    assert add((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (11.0, 22.0, 43.0)
+    assert subtract((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (-9.0, -18.0, -37.0)
+    assert scale((1.0, -2.0, 3.0), 2.0) == (2.0, -4.0, 6.0)
+    assert dot((1.0, 2.0, 3.0), (10.0, 20.0, -40.0)) == -70.0
+    assert cross((1.0, 2.0, 3.0), (4.0, 6.0, 9.0)) == (0.0, 3.0, -2.0)
 
 
 @given(vectors, vectors, st.tuples(angles, angles, angles), st.floats(1e-3, 10))
@@ -130,19 +129,8 @@ def test_a_twist_brings_one_pose_to_the_other(start: Vector3, end: Vector3, rpy:
     assert rotate(turned, probe) == pytest.approx(rotate(there.orientation_xyzw, probe), abs=1e-6)
 
 
-def test_what_stays_has_no_twist() -> None:
+def test_what_stays_or_hardly_turns_has_no_twist() -> None:
     pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(0.1, 0.2, 0.3))
     assert math.hypot(*twist_between(pose, pose, 0.1).angular_xyz) < 1e-12
     assert twist_between(pose, pose, 0.1).linear_xyz == (0.0, 0.0, 0.0)
-
-
-def test_a_turn_too_small_to_divide_by_is_none() -> None:
     assert twist_between(Pose(), Pose(orientation_xyzw=(0.0, 0.0, 1e-320, 1.0)), 1e-6).angular_xyz == (0.0, 0.0, 0.0)
-
-
-def test_vectors_are_added_subtracted_scaled_and_multiplied() -> None:
-    assert add((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (11.0, 22.0, 43.0)
-    assert subtract((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (-9.0, -18.0, -37.0)
-    assert scale((1.0, -2.0, 3.0), 2.0) == (2.0, -4.0, 6.0)
-    assert dot((1.0, 2.0, 3.0), (10.0, 20.0, -40.0)) == -70.0
-    assert cross((1.0, 2.0, 3.0), (4.0, 6.0, 9.0)) == (0.0, 3.0, -2.0)

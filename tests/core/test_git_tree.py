@@ -152,7 +152,7 @@ def test_a_second_clone_has_the_same_digest(root: Path, tmp_path: Path) -> None:
     assert tree(tmp_path / "clone").digest == tree(root).digest
 
 
-def test_outputs_do_not_count(root: Path) -> None:
+def test_outputs_do_not_count_but_tracked_files_in_their_folder_do(root: Path) -> None:
     before = tree(root).digest
     (root / "out").mkdir()
     (root / "out/results.json").write_text("1")
@@ -162,9 +162,6 @@ def test_outputs_do_not_count(root: Path) -> None:
     assert "outer.txt" in found.contents
     (root / "outer.txt").unlink()
     assert tree(root, root / "out", root / "junit.xml").digest == before
-
-
-def test_tracked_files_count_in_the_output_folder_too(root: Path) -> None:
     before = tree(root, root / "sim").digest
     edit(root)
     assert tree(root, root / "sim").digest != before
@@ -213,11 +210,16 @@ def test_no_program_of_the_repository_runs(root: Path, tmp_path: Path) -> None:
     assert not witness.exists()
 
 
-def test_the_index_is_not_written(root: Path) -> None:
+def test_the_index_is_not_written_and_a_folder_inside_is_refused(root: Path) -> None:
     os.utime(root / "run.py", (1, 1))
     before = (root / ".git/index").stat()
     tree(root)
     assert (root / ".git/index").stat().st_mtime_ns == before.st_mtime_ns
+    with pytest.raises(GitError, match="not the root of a git repository"):
+        tree(root / "sim")
+    (root / "sim/.git").mkdir()
+    with pytest.raises(GitError, match="cannot list"):
+        tree(root / "sim")
 
 
 def test_variables_of_git_lead_nowhere_else(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,14 +229,6 @@ def test_variables_of_git_lead_nowhere_else(root: Path, tmp_path: Path, monkeypa
     for name, value in (("GIT_DIR", ".git"), ("GIT_INDEX_FILE", ".git/index"), ("GIT_WORK_TREE", ".")):
         monkeypatch.setenv(name, str(other / value))
     assert tree(root).digest == before.digest
-
-
-def test_a_folder_without_a_repository_of_its_own_is_refused(root: Path) -> None:
-    with pytest.raises(GitError, match="not the root of a git repository"):
-        tree(root / "sim")
-    (root / "sim/.git").mkdir()
-    with pytest.raises(GitError, match="cannot list"):
-        tree(root / "sim")
 
 
 def test_without_git_there_is_a_reason(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,16 +273,13 @@ def test_a_file_that_changes_meanwhile_is_a_reason(root: Path) -> None:
         listing.tree(digests)
 
 
-def test_names_may_hold_any_byte(root: Path) -> None:
+def test_names_may_hold_any_byte_and_too_many_files_are_a_reason(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = tree(root).digest
     for name in (b"new\nline", b"t\tab", b"\xff", "\u00e4".encode(), b"? a"):
         Path(os.fsdecode(bytes(root) + b"/" + name)).write_text("1")
     git(root, "add", ".")
     assert len(tree(root).contents) == 9
     assert tree(root).digest != before
-
-
-def test_too_many_files_are_a_reason(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_MAX_FILES", 3)
     with pytest.raises(GitError, match="more than 3 files"):
         tree(root)

@@ -52,7 +52,7 @@ def problems(folder: Path, expect: str, permissions: Permissions | None = None) 
     return [str(problem).partition(": ")[2] for problem in refused.value.problems]
 
 
-def test_its_names_come_after_ours_which_alone_are_iterated(site: Path) -> None:
+def test_its_names_come_after_ours_which_win(site: Path) -> None:
     own = tuple(ASSERTIONS)
     install_assertion(site, "a-still")
     assert ASSERTIONS.all_names() == (*own, "still")
@@ -61,6 +61,9 @@ def test_its_names_come_after_ours_which_alone_are_iterated(site: Path) -> None:
     kind = ASSERTIONS.load("still")
     assert issubclass(kind, Assertion)
     assert kind.runs_user_code
+    install_assertion(site, "a-travel", key="travel")
+    assert "travel" not in ASSERTIONS.installed()
+    assert ASSERTIONS.load("travel").__module__ == "sim_action.assertions.distance"
 
 
 def test_a_scenario_that_uses_it_runs_user_code(site: Path, tmp_path: Path) -> None:
@@ -73,12 +76,6 @@ def test_a_scenario_that_uses_it_runs_user_code(site: Path, tmp_path: Path) -> N
     assert load_scenario(path).scenario.runs_user_code
     path.write_text(TEXT.format(expect="upright") + "sensors: [imu]\n")
     assert not load_scenario(path).scenario.runs_user_code
-
-
-def test_our_own_names_win(site: Path) -> None:
-    install_assertion(site, "a-travel", key="travel")
-    assert "travel" not in ASSERTIONS.installed()
-    assert ASSERTIONS.load("travel").__module__ == "sim_action.assertions.distance"
 
 
 def test_two_packages_with_one_name_are_both_named(site: Path, tmp_path: Path) -> None:

@@ -72,13 +72,10 @@ def test_a_pull_request_is_only_trusted_on_its_own_event(event: str, tmp_path: P
     assert "\n" not in refusal
 
 
-def test_a_refusal_is_an_error_that_names_its_subject() -> None:
+def test_refusals_name_their_subject_and_variables_are_sorted() -> None:
     permissions.Permissions().require_scripts("rostest")
     with pytest.raises(UsageError, match=r"^rostest: no$"):
         permissions.Permissions(scripts_refused="no").require_scripts("rostest")
-
-
-def test_names_of_variables_are_sorted_and_unique() -> None:
     assert permissions.checked_names(["B", "A_1", "B"]) == ("A_1", "B")
 
 

@@ -65,6 +65,8 @@ def test_the_first_program_on_the_path_is_found(
     second.unlink()
     assert program_on_path("git", workspace) == third
     assert program_on_path("other", workspace) is None
+    monkeypatch.delenv("PATH", raising=False)
+    assert program_on_path("git", workspace) is None
 
 
 @pytest.mark.parametrize(
@@ -101,11 +103,6 @@ def test_on_windows_a_program_has_its_suffix(tmp_path: Path, monkeypatch: pytest
     assert program_on_path("git", tmp_path / "workspace") is None
     named = program(tmp_path, "git.exe")
     assert program_on_path("git", tmp_path / "workspace") == named
-
-
-def test_without_a_path_nothing_is_found(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PATH", raising=False)
-    assert program_on_path("git", workspace) is None
 
 
 def called(node: ast.AST) -> str:

@@ -137,22 +137,16 @@ class Model(BaseModel):
     at: Point
 
 
-def test_a_record_inherits_fields_and_can_be_sent_to_another_process() -> None:
+def test_records_inherit_are_pickled_and_take_part_in_patterns_and_models() -> None:
     assert repr(Named(1, 2, "a")) == "Named(x=1, y=2, name='a')"
     assert [*Named.__slots__] == ["name"]
     assert Named(1, 2) != Point(1, 2)
     assert (Point(1).unit, [each.name for each in dataclasses.fields(Point)]) == ("m", ["x", "y"])  # not ClassVar
     assert pickle.loads(pickle.dumps(Named(1, 2, "a"))) == Named(1, 2, "a")
-
-
-def test_methods_and_a_hash_of_its_own_remain() -> None:
     assert Point(1).doubled() == Point(2)
     assert hash(Checked(1)) == 5
     with pytest.raises(ValueError, match="-1"):
         Checked(-1)
-
-
-def test_a_record_takes_part_in_patterns_and_models() -> None:
     match Point(1, 2):
         case Point(x, y):
             assert (x, y) == (1, 2)
@@ -160,15 +154,12 @@ def test_a_record_takes_part_in_patterns_and_models() -> None:
     assert Model(at=Point(3)).model_dump() == {"at": {"x": 3, "y": 0.0}}
 
 
-def test_nothing_is_compiled_before_it_is_used() -> None:
+def test_nothing_is_compiled_before_use_and_unknown_arguments_are_refused() -> None:
     make: Any = records.dataclass
     cls = make(frozen=True)(type("C", (), {"__annotations__": {"a": "int"}}))
     assert not inspect.isfunction(vars(cls)["__init__"])
     assert cls(3).a == 3
     assert inspect.isfunction(vars(cls)["__init__"])
-
-
-def test_an_unknown_argument_is_refused_by_name() -> None:
     with pytest.raises(TypeError, match=r"Point\.__init__\(\) got an unexpected keyword argument 'z'"):
         Point(1, z=2)  # type: ignore[call-arg]  # the test is about it
 

@@ -72,11 +72,6 @@ def test_tails_of_ten_thousand_trials_equal_whole_numbers(k: int) -> None:
     assert at_least(k, n, 0.75) == pytest.approx(float(Fraction(above, 4**n)), rel=1e-12, abs=0)
 
 
-def test_a_probability_below_the_smallest_float_is_zero() -> None:
-    assert at_least(10_000, 10_000, 0.5) == 0.0
-    assert at_most(0, 10_000, 0.5) == 0.0
-
-
 @given(_counts(10_000), st.floats(0, 1))
 def test_a_tail_falls_with_its_count_and_grows_with_the_probability(count: tuple[int, int], p: float) -> None:
     k, n = count
@@ -101,6 +96,14 @@ def test_what_no_run_or_any_run_proves() -> None:
     assert passes_refuting(5, 0.0, 0.95) is None
     assert passes_needed(MAX_RUNS, 1.0, 0.95) is None
     assert passes_refuting(5, 1.0, 0.95) == 4
+    # 1/2 to the third is 1 - 87.5 %; the sum of the tail has rounding errors.
+    assert proves(3, 3, 0.5, 0.875)
+    assert not refutes(0, 3, 0.5, 0.875)
+    # 1 - 0.9 is less than 0.1 as a float.
+    assert proves(1, 1, 0.1, 0.9)
+    assert not refutes(0, 1, 0.9, 0.9)
+    assert at_least(10_000, 10_000, 0.5) == 0.0
+    assert at_most(0, 10_000, 0.5) == 0.0
 
 
 @given(_counts(1_000), st.sampled_from(CONFIDENCES))
@@ -143,15 +146,6 @@ def test_a_bound_is_the_last_rate_of_its_verdict(count: tuple[int, int], confide
     assert upper == 1.0 or refutes(passes, runs, nextafter(upper, 2.0), confidence)
 
 
-def test_a_tail_at_the_limit_proves_and_does_not_refute() -> None:
-    # 1/2 to the third is 1 - 87.5 %; the sum of the tail has rounding errors.
-    assert proves(3, 3, 0.5, 0.875)
-    assert not refutes(0, 3, 0.5, 0.875)
-    # 1 - 0.9 is less than 0.1 as a float.
-    assert proves(1, 1, 0.1, 0.9)
-    assert not refutes(0, 1, 0.9, 0.9)
-
-
 @pytest.mark.parametrize(
     ("rate", "runs"),
     [(0.8, (14, 22, 30, 37)), (0.9, (29, 46, 61, 76)), (0.95, (59, 93, 124, 153)), (0.99, (299, 473, 628, 773))],
@@ -169,12 +163,6 @@ def test_runs_needed_are_the_published_ones(rate: float, runs: tuple[int, ...]) 
 )
 def test_a_good_robot_often_misses_a_gate(true_rate: float, runs: int, passed: float) -> None:
     assert chances(true_rate, runs, 0.9, 0.95).passed == pytest.approx(passed, abs=0.005)
-
-
-def test_chances_of_too_few_runs() -> None:
-    assert chances(0.95, 28, 0.9, 0.95).passed == 0.0
-    one = chances(0.25, 1, 0.9, 0.8)
-    assert (one.passed, one.failed, one.inconclusive) == (0.0, 0.75, 0.25)
 
 
 @pytest.mark.parametrize("confidence", [0.8, 0.95, 0.99])
@@ -202,6 +190,9 @@ def test_more_runs_can_have_less_power() -> None:
     assert runs == 5_354
     assert chances(0.91, runs, 0.9, 0.95).passed >= 0.8
     assert chances(0.91, runs - 1, 0.9, 0.95).passed < 0.8
+    assert chances(0.95, 28, 0.9, 0.95).passed == 0.0
+    one = chances(0.25, 1, 0.9, 0.8)
+    assert (one.passed, one.failed, one.inconclusive) == (0.0, 0.75, 0.25)
 
 
 @pytest.mark.parametrize("true_rate", [0.0, 0.5, 0.9, 0.901])
@@ -244,24 +235,21 @@ def test_p_values_equal_sums_of_fractions() -> None:
             )
 
 
-def test_six_changes_to_the_worse_are_significant_and_five_are_not() -> None:
+def test_planted_regressions_are_found() -> None:
     assert (mcnemar(6, 0), mcnemar(0, 6), mcnemar(5, 0)) == pytest.approx((0.03125, 0.03125, 0.0625), rel=1e-13)
     assert (mcnemar(0, 0), mcnemar(3, 3)) == (1.0, 1.0)
-
-
-@pytest.mark.parametrize("rate", [0.5, 0.8, 0.9, 0.95, 0.99])
-def test_no_change_is_reported_more_rarely_than_the_level(rate: float) -> None:
-    apart = rate * (1 - rate)
-    assert _reported(apart, apart) <= LEVEL
-
-
-def test_a_planted_regression_is_found() -> None:
     # With the same random numbers, the new version loses 15 of 100 draws and wins none.
     assert _reported(0.15, 0.0) == pytest.approx(0.998, abs=0.001)
     # With 2 % of noise of its own to either side.
     assert _reported(0.17, 0.02) == pytest.approx(0.950, abs=0.001)
     # With other random numbers, each pair is two independent runs.
     assert _reported(0.95 * 0.2, 0.05 * 0.8) == pytest.approx(0.876, abs=0.001)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.8, 0.9, 0.95, 0.99])
+def test_no_change_is_reported_more_rarely_than_the_level(rate: float) -> None:
+    apart = rate * (1 - rate)
+    assert _reported(apart, apart) <= LEVEL
 
 
 @pytest.mark.parametrize("pairs", [20, 100])
@@ -415,9 +403,7 @@ def test_decisions_stop_at_the_first_verdict() -> None:
     results = iter([True] * 30)
     GATE.decision(results)
     assert len(list(results)) == 3
-
-
-def test_too_few_or_mixed_results_decide_nothing_and_runs_without_a_verdict_count_against_both() -> None:
+    # Too few or mixed results decide nothing, and runs without a verdict count against both.
     assert GATE.decision([]) == Decision(None, 0)
     assert GATE.decision([True] * 26) == Decision(None, 26)
     mixed = ([True] * 9 + [False]) * 30
@@ -493,7 +479,7 @@ def test_ranks_enclose_the_quantile_of_the_sample(n: int, q: float, confidence: 
     assert (upper is None) == (n < runs_needed_for_quantile(q, confidence, "at_most"))
 
 
-def test_published_numbers_of_runs() -> None:
+def test_bounds_of_quantiles() -> None:
     # Wilks 1941: 59 values for a one-sided tolerance limit of 95 % at 95 %, 299 of 99 % at 95 %, 459 of 99 % at 99 %.
     assert runs_needed_for_quantile(0.05, 0.95, "at_least") == 59
     assert runs_needed_for_quantile(0.95, 0.95, "at_most") == 59
@@ -501,17 +487,13 @@ def test_published_numbers_of_runs() -> None:
     assert runs_needed_for_quantile(0.01, 0.99, "at_least") == 459
     assert runs_needed_for_quantile(0.05, 0.95, "at_most") == 1
     assert runs_needed_for_quantile(0.5, 0.95, "at_least") == runs_needed_for_quantile(0.5, 0.95, "at_most") == 5
-
-
-def test_the_worst_value_is_the_bound_of_the_fewest_runs() -> None:
+    # The worst value is the bound of the fewest runs.
     values = [float(value) for value in range(59)]
     assert quantile_bounds(reversed(values), 0.05, 0.95) == QuantileBounds(lower=0.0, upper=6.0)
     assert quantile_bounds(values[1:], 0.05, 0.95).lower is None
     assert quantile_bounds(values, 0.95, 0.95) == QuantileBounds(lower=52.0, upper=58.0)
     assert quantile_bounds([], 0.5, 0.95) == QuantileBounds(lower=None, upper=None)
-
-
-def test_a_run_without_a_value_counts_against_each_bound() -> None:
+    # A run without a value counts against each bound.
     values = [float(value) for value in range(100)]
     bounds = quantile_bounds(values[:97], 0.5, 0.95, missing=3)
     assert bounds.lower == quantile_bounds([-math.inf] * 3 + values[:97], 0.5, 0.95).lower == 38.0

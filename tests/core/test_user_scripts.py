@@ -91,16 +91,12 @@ class State:
 
 
 @pytest.mark.usefixtures("modules")
-def test_a_file_is_a_module_as_python_knows_them(tmp_path: Path) -> None:
+def test_each_run_of_a_file_is_a_module_as_python_knows_them(tmp_path: Path) -> None:
     found = ran(tmp_path / "my_state.py", DATACLASS)
     assert found["made"]().x == 1
     assert pickle.loads(pickle.dumps(found["State"]())).seen == 3
     assert found["__name__"] == "my_state"
     assert list(tmp_path.iterdir()) == [tmp_path / "my_state.py"]
-
-
-@pytest.mark.usefixtures("modules")
-def test_each_run_of_a_file_is_a_module_of_its_own(tmp_path: Path) -> None:
     first, second = (ran(tmp_path / "my_state.py", f"{DATACLASS}x = [{n}]\n") for n in (1, 2))
     assert (first["x"], second["x"]) == ([1], [2])
     assert first["State"] is not second["State"]
@@ -118,10 +114,16 @@ def test_a_file_replaces_no_module(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("modules")
-def test_a_file_that_fails_is_no_module(tmp_path: Path) -> None:
+def test_how_files_fail(tmp_path: Path) -> None:
     with pytest.raises(ScriptError):
         ran(tmp_path / "my_state.py", "1 / 0\n")
     assert "my_state" not in sys.modules
+    text = "def even(n): return odd(n + 1)\ndef odd(n): return even(n + 1)\neven(0)\n"
+    with pytest.raises(ScriptError, match="RecursionError") as raised:
+        ran(tmp_path / "a.py", text)
+    assert raised.value.details.count("File ") == 10
+    with pytest.raises(ScriptError, match="No module named 'rclpy'; scripts run in sim-action's own Python"):
+        ran(tmp_path / "a.py", "import rclpy\n")
 
 
 @pytest.mark.usefixtures("modules")
@@ -161,26 +163,6 @@ def test_an_error_at_one_place_has_no_other_way(text: str, details: str, tmp_pat
     assert raised.value.details == details
 
 
-@pytest.mark.usefixtures("modules")
-def test_of_a_recursion_the_end_is_told(tmp_path: Path) -> None:
-    text = "def even(n): return odd(n + 1)\ndef odd(n): return even(n + 1)\neven(0)\n"
-    with pytest.raises(ScriptError, match="RecursionError") as raised:
-        ran(tmp_path / "a.py", text)
-    assert raised.value.details.count("File ") == 10
-
-
-@pytest.mark.usefixtures("modules")
-def test_a_module_that_is_not_there_is_told_with_what_there_is(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match="No module named 'rclpy'; scripts run in sim-action's own Python"):
-        ran(tmp_path / "a.py", "import rclpy\n")
-
-
-def test_an_error_from_elsewhere_has_no_line(tmp_path: Path) -> None:
-    error = script_error(ValueError("no"), tmp_path / "a.py", "it")
-    assert error.location is not None
-    assert error.location.line is None
-
-
 def test_a_text_is_parsed_once_whoever_asks(tmp_path: Path) -> None:
     (tmp_path / "a.py").write_text("def control(observation): ...\n")
     (tmp_path / "b.py").write_bytes((tmp_path / "a.py").read_bytes())
@@ -188,6 +170,9 @@ def test_a_text_is_parsed_once_whoever_asks(tmp_path: Path) -> None:
     assert read_script(tmp_path / "b.py") is first
     (tmp_path / "a.py").write_text("def other(observation): ...\n")
     assert read_script(tmp_path / "a.py").names == {"other"}
+    error = script_error(ValueError("no"), tmp_path / "a.py", "it")
+    assert error.location is not None
+    assert error.location.line is None
 
 
 def test_deep_code_shows_no_parameters(tmp_path: Path) -> None:

@@ -56,8 +56,13 @@ def around(repository: Path, *, allow_outside: bool = False) -> Workspace:
     return Workspace.around(repository / "scenarios/a.sim.yml", Permissions(outside=allow_outside))
 
 
-def test_the_root_is_the_repository(repository: Path) -> None:
+def test_a_path_inside_the_root_is_fine(repository: Path) -> None:
     assert around(repository) == Workspace(repository / "scenarios", repository)
+    for path in ("../robot.urdf", str(repository / "robot.urdf"), "../inner.urdf"):
+        assert around(repository).file(path) == repository / "robot.urdf"
+    (repository / ".github").mkdir()
+    (repository / ".github/a.csv").write_text("x")
+    assert Workspace(repository, repository).file(".github/a.csv").name == "a.csv"
 
 
 def test_without_a_repository_the_root_is_the_current_directory_or_the_folder_of_the_scenario(
@@ -68,11 +73,6 @@ def test_without_a_repository_the_root_is_the_current_directory_or_the_folder_of
     assert Workspace.around(Path("b/s.sim.yml")).root == tmp_path / "a"
     monkeypatch.chdir(tmp_path / "a/b")
     assert Workspace.around(tmp_path / "a/s.sim.yml").root == tmp_path / "a"
-
-
-def test_a_path_inside_the_root_is_fine(repository: Path) -> None:
-    for path in ("../robot.urdf", str(repository / "robot.urdf"), "../inner.urdf"):
-        assert around(repository).file(path) == repository / "robot.urdf"
 
 
 @pytest.mark.parametrize(
@@ -99,12 +99,6 @@ def test_files_of_git_are_never_read(path: str, allow_outside: bool, repository:
         workspace.file(path)
     with pytest.raises(PackageError, match=r"is in the folder \.git of .*; name another file"):
         Packages(workspace, {}).file(repository / path, path)
-
-
-def test_a_name_that_resembles_that_of_git_is_fine(repository: Path) -> None:
-    (repository / ".github").mkdir()
-    (repository / ".github/a.csv").write_text("x")
-    assert Workspace(repository, repository).file(".github/a.csv").name == "a.csv"
 
 
 def test_a_sibling_whose_name_begins_alike_is_outside(repository: Path) -> None:

@@ -127,10 +127,14 @@ def test_lines_are_counted_whatever_ends_them(end: str) -> None:
     assert place(document, "robot", "model") == "s.yml:3:3"
 
 
-def test_an_alias_is_its_anchors_value_and_stands_where_it_is_used() -> None:
+def test_lines_below_an_alias_and_duplicates_have_their_places() -> None:
     document = read_document("s.yml", "a: &x {b: 1}\nc: *x\n")
     assert document.data == {"a": {"b": 1}, "c": {"b": 1}}
     assert place(document, "c", "b") == "s.yml:2:1"
+    with pytest.raises(InvalidScenario) as raised:
+        read("a: 1\na: 2\nb: {c: 1, c: 2}\n")
+    assert [str(found.location) for found in raised.value.problems] == ["s.yml:2:1", "s.yml:3:11"]
+    assert read("[" * MAX_DEPTH + "]" * MAX_DEPTH)
 
 
 @pytest.mark.parametrize(
@@ -171,31 +175,18 @@ def test_what_is_refused_is_told_with_its_place(text: str, where: str, message: 
     assert found.message.isprintable()
 
 
-def test_all_duplicate_keys_are_told_at_once() -> None:
-    with pytest.raises(InvalidScenario) as raised:
-        read("a: 1\na: 2\nb: {c: 1, c: 2}\n")
-    assert [str(found.location) for found in raised.value.problems] == ["s.yml:2:1", "s.yml:3:11"]
-
-
 @pytest.mark.parametrize("text", ["[" * 20_000 + "]" * 20_000, "{a: " * 20_000, "- " * 20_000])
 def test_nesting_has_a_limit(text: str) -> None:
     assert problem(text).message == f"more than {MAX_DEPTH} nested maps and lists"
 
 
-def test_nesting_up_to_the_limit_is_read() -> None:
-    assert read("[" * MAX_DEPTH + "]" * MAX_DEPTH)
-
-
-def test_an_alias_bomb_is_stopped_before_it_grows() -> None:
+def test_aliases_and_values_have_a_limit() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 30)]
     message = problem("\n".join(lines)).message
     assert message.startswith("a4.")
     assert f": more than {MAX_VALUES} values in this file;" in message
     assert message.endswith("each alias as a copy of its anchor")
-
-
-def test_values_have_a_limit() -> None:
     assert problem("- 1\n" * (MAX_VALUES + 1)).message.startswith(f"{MAX_VALUES - 1}: more than {MAX_VALUES} values in")
     # An object is two maps, a list and five values; the file, `world` and `objects` are three more.
     objects = "".join(f"    - {{name: b{n}, box: [1, 1, 1], pose: {{x: 1}}}}\n" for n in range(3000))
@@ -273,9 +264,6 @@ def test_each_is_told_once_and_in_the_order_of_lines() -> None:
         "a.sim.yml:4:1: expect: is empty",
         "b.urdf:1: broken",
     ]
-
-
-def test_what_is_wrong_further_down_is_known() -> None:
     found = problems()
     found.note(("robot", "model"), "is not there")
     assert found.has_below(("robot",))
@@ -368,13 +356,11 @@ def test_a_finding_is_a_sentence_at_a_path(data: dict[str, Any], path: str, mess
     assert findings(**data) == [(path, message)]
 
 
-def test_a_missing_key_is_named() -> None:
+def test_missing_keys_and_bad_keys_of_maps_are_named() -> None:
     with pytest.raises(ValidationError) as raised:
         Spec.model_validate({})
     assert list(field_types.spec_errors(Spec, {}, raised.value)) == [(("name",), "the key 'name' is missing")]
 
-
-def test_a_bad_key_of_a_map_is_told_at_the_key() -> None:
     class Named(field_types.FrozenModel):
         places: dict[Annotated[str, Field(max_length=3)], float]
 

@@ -43,13 +43,10 @@ def test_it_is_never_stronger_than_allowed_and_keeps_its_direction(
     assert x * wanted_x + y * wanted_y >= 0
 
 
-def test_ahead_and_the_point_are_those_of_the_base() -> None:
+def test_a_push_is_level_ahead_and_at_a_point_of_the_base() -> None:
     pose = Pose((1.0, 2.0, 0.5), quaternion_from_rpy(0.0, 0.0, math.pi / 2))
     found = base_wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1)
     assert found.force_xyz == pytest.approx((0.0, 40.0, 0.0))
     assert found.point_xyz == pytest.approx((1.0, 2.1, 0.3))
-
-
-def test_a_base_that_is_tilted_is_pushed_level() -> None:
     pose = Pose(orientation_xyzw=quaternion_from_rpy(0.0, 0.3, 0.0))
     assert base_wrench(push(1.0, 0.0, 0.0), ROBOT, pose, Twist(), 0.1).force_xyz == pytest.approx((40.0, 0.0, 0.0))

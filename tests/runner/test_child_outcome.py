@@ -203,7 +203,7 @@ def test_an_outcome_needs_no_file_of_this_process(
     assert (found.status, found.engine, found.provenance) == ("error", installed()[0], None)
 
 
-def test_texts_of_user_code_are_cut(tmp_path: Path) -> None:
+def test_texts_of_user_code_and_verdicts_are_cut(tmp_path: Path) -> None:
     long = "x" * 100_000
     gone = child(tmp_path)
     failure = Failure(kind="script", title="script error", message=long, location=Location(long, 3), details=long)
@@ -216,9 +216,6 @@ def test_texts_of_user_code_are_cut(tmp_path: Path) -> None:
         failure.model_copy(update={"message": cut, "location": Location(cut, 3), "details": details}),
     )
     assert found.notes == (cut,)
-
-
-def test_messages_of_verdicts_are_cut(tmp_path: Path) -> None:
     gone = child(tmp_path)
     (expected,) = gone.job.loaded.scenario.expect
     text = "x" * 100_000

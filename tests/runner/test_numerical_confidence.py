@@ -69,9 +69,9 @@ def test_the_repetitions_have_one_change_each(tmp_path: Path) -> None:
     assert (pose.x, pose.yaw) == pytest.approx((0.0, 0.0174533), rel=1e-5)
     pose = moved.scenario.robot.pose
     assert (pose.x**2 + pose.y**2) ** 0.5 == pytest.approx(1e-3)
-
-
-def test_a_start_that_a_keyframe_states_is_turned_from_there(tmp_path: Path) -> None:
+    fixed = load_scenario(_arm(tmp_path))
+    assert [each.repetition for each in with_repetitions(fixed)] == ["", "half the step"]
+    # A start that a keyframe states is turned from there.
     _, _, turned, _ = with_repetitions(scenario(tmp_path))
     assert turned.model is not None
     stands = Keyframe({}, Pose((0, 0, 1), quaternion_from_rpy(0.2, 0, 1.5)))
@@ -91,11 +91,6 @@ def test_a_named_engine_and_a_quarter_of_the_step_are_repetitions(tmp_path: Path
         "MuJoCo",
     ]
     assert several[-1].scenario.backend == "mujoco"
-
-
-def test_a_bolted_robot_has_no_other_start(tmp_path: Path) -> None:
-    fixed = load_scenario(_arm(tmp_path))
-    assert [each.repetition for each in with_repetitions(fixed)] == ["", "half the step"]
 
 
 def _arm(folder: Path) -> Path:
@@ -207,7 +202,7 @@ def test_the_extreme_margin_is_that_in_the_window() -> None:
     assert replace(met, goal=False).with_extreme([curve]).extreme is None
 
 
-def test_a_rate_that_cannot_be_doubled_leaves_a_note(tmp_path: Path) -> None:
+def test_missing_repetitions_leave_notes_or_an_open_verdict(tmp_path: Path) -> None:
     loaded = scenario(tmp_path, more="physics: {rate: 60 kHz}")
     assert [run.repetition for run in with_repetitions(loaded)][1:] == [
         "the start turned by 1 deg",
@@ -215,6 +210,13 @@ def test_a_rate_that_cannot_be_doubled_leaves_a_note(tmp_path: Path) -> None:
     ]
     [note] = judged(loaded, run(0.5), turned=run(0.5)).notes
     assert note == "no repetition with half the step: a physics rate of 120000 Hz is more than is allowed"
+    crash = Failure(kind="crash", title="SIGSEGV", message="it ended")
+    broken = like(run(0.5), status="error", failures=(crash,), expectations=())
+    found = judged(scenario(tmp_path), run(0.5), half=broken)
+    assert found.status == "inconclusive"
+    assert (
+        "with half the step there is no verdict: ended in an error (SIGSEGV: it ended)" in found.expectations[0].message
+    )
 
 
 def test_the_budget_is_known_before_the_first_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -223,16 +225,6 @@ def test_the_budget_is_known_before_the_first_run(tmp_path: Path, capsys: pytest
     assert call(["run", str(path), "--budget", "3", "--allow-outside", "--output-dir", str(folder)]) == 2
     assert "--budget: 4 runs would be needed, 3 are allowed" in capsys.readouterr().err
     assert not folder.exists()
-
-
-def test_a_repetition_without_a_verdict_leaves_it_open(tmp_path: Path) -> None:
-    crash = Failure(kind="crash", title="SIGSEGV", message="it ended")
-    broken = like(run(0.5), status="error", failures=(crash,), expectations=())
-    found = judged(scenario(tmp_path), run(0.5), half=broken)
-    assert found.status == "inconclusive"
-    assert (
-        "with half the step there is no verdict: ended in an error (SIGSEGV: it ended)" in found.expectations[0].message
-    )
 
 
 @pytest.mark.parametrize(

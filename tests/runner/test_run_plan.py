@@ -139,9 +139,13 @@ def test_without_any_engine_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
         chosen("auto")
 
 
-def test_an_agreement_asks_something(tmp_path: Path) -> None:
+def test_an_agreement_asks_something_and_needs_several_engines(tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match="agreement: must have 'position', 'yaw', 'joints', 'links', 'bodies' or"):
         loaded(tmp_path, "agreement: {}")
+    with pytest.raises(
+        InvalidScenario, match=r"5:1: backend: remove it: 'agreement' runs the scenario on every engine"
+    ):
+        loaded(tmp_path, "agreement: {yaw: 1}\nbackend: mujoco")
 
 
 BALL = "world: {objects: [{name: ball, sphere: {radius: 0.1}, mass: 1, pose: {x: 3}}, {name: wall, box: [1, 1, 1]}]}"
@@ -263,13 +267,6 @@ def test_what_is_installed_has_wheels_there(system: str, machine: str, python: s
     needed = map(Requirement, tomllib.loads(file.read_text())["project"]["dependencies"])
     here = {"sys_platform": system, "platform_machine": machine, "python_version": python}
     assert [each.name for each in needed if each.marker and each.marker.evaluate(here)] == engines
-
-
-def test_an_agreement_and_one_engine_exclude_each_other(tmp_path: Path) -> None:
-    with pytest.raises(
-        InvalidScenario, match=r"5:1: backend: remove it: 'agreement' runs the scenario on every engine"
-    ):
-        loaded(tmp_path, "agreement: {yaw: 1}\nbackend: mujoco")
 
 
 SHARED = LEAST.partition("\n")[2]

@@ -67,12 +67,8 @@ def test_unequal_masses_are_noted_once_per_pair_of_bodies() -> None:
     assert note.startswith("link 'base' and body 'can' touched")
     assert len(notes(Clash("safe", "crate", 0.0), Clash("crate", "safe", 0.0))) == 1
     assert len(notes(Clash("safe", "crate", 0.0), Clash("can", "safe", 0.0), Overlap("wheel", "can", 0.0))) == 3
-
-
-def test_the_depth_of_a_stated_spring_is_not_noted() -> None:
-    assert notes(Overlap("bumper", "wall", 0.03), Overlap("bumper", "ground", 0.02)) == []
-    (note,) = notes(Overlap("bumper", "wall", 0.03), Overlap("base", "wall", 0.006))
-    assert note.startswith("link 'base' and body 'wall' overlapped by 0.006 m")
+    # A fixed base has no mass.
+    assert notes(Overlap("base", "can", 0.0), base="fixed") == []
 
 
 @pytest.mark.parametrize(
@@ -89,19 +85,17 @@ def test_other_contacts_are_not_noted(touch: Overlap | Clash) -> None:
     assert notes(touch) == []
 
 
-def test_a_fixed_base_has_no_mass() -> None:
-    assert notes(Overlap("base", "can", 0.0), base="fixed") == []
-
-
-def test_the_greatest_depth_is_noted() -> None:
+def test_the_greatest_depth_of_what_gives_way_is_noted() -> None:
     wheel = Overlap("wheel", "ground", 0.0061)
     (note,) = notes(wheel, Clash("crate", "can", 0.02), wheel)
     assert note.startswith("body 'crate' and body 'can' overlapped by 0.02 m at 1.50 s: ")
     (note,) = notes(wheel)
     assert note.startswith("link 'wheel' and the ground overlapped by 0.0061 m at 1.50 s: ")
-
-
-def test_depths_of_pairs_that_cannot_give_way_are_not_noted() -> None:
+    # That of a stated spring is not.
+    assert notes(Overlap("bumper", "wall", 0.03), Overlap("bumper", "ground", 0.02)) == []
+    (note,) = notes(Overlap("bumper", "wall", 0.03), Overlap("base", "wall", 0.006))
+    assert note.startswith("link 'base' and body 'wall' overlapped by 0.006 m")
+    # That of pairs that cannot give way is not.
     inside = [Overlap("base", "wall", 0.1), Overlap("base", "ground", 0.1)]
     assert notes(*inside, base="fixed") == []
     assert len(notes(*inside)) == 1
@@ -186,15 +180,11 @@ def test_a_robot_that_stays_is_told_what_will_happen(tmp_path: Path) -> None:
     assert list(slip.notes()) == [
         "the model gives wheels a friction of 0.1: they will slip if the robot accelerates or turns fast"
     ]
-
-
-def test_the_lowest_friction_counts(tmp_path: Path) -> None:
+    # The lowest friction counts.
     slip = watch(burger(tmp_path, "0.8", "0.15"))
     assert slip is not None
     assert "a friction of 0.15" in told(slip)[0]
-
-
-def test_other_robots_have_no_such_note(tmp_path: Path) -> None:
+    # Other robots have no such note.
     assert watch(burger(tmp_path, "0.2")) is None
     assert watch(burger(tmp_path), base="fixed") is None
     model = burger(tmp_path)

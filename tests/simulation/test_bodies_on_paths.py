@@ -64,26 +64,28 @@ def test_something_else_may_hold_the_robot(base: str, told: str) -> None:
     assert f"against {told}, from" in notes(watch)[0]
 
 
-def test_an_impact_is_no_pressure() -> None:
+def test_what_is_no_pressure() -> None:
     watch = Pinning(within(), (0.0, 0.0, 0.0))
     watch.watch(block(1, 240, touches([100], 11 * LIMIT)))
     assert notes(watch) == []
-
-
-def test_a_push_that_moves_the_robot_is_no_pressure() -> None:
+    # A push moves the robot.
     watch = Pinning(within(), (0.0, 0.0, 0.0))
     gained = 2 * LIMIT / ROBOT.mass / RATE
     speeds = [max(0, min(step, 200) - 99) * gained for step in range(1, 241)]
     watch.watch(block(1, 240, touches(range(100, 200), 2 * LIMIT), speeds))
     assert notes(watch) == []
-
-
-def test_bodies_without_a_path_and_contacts_without_a_force_do_not_count() -> None:
+    # Bodies without a path and contacts without a force do not count.
     watch = Pinning(within(), (0.0, 0.0, 0.0))
     stuck = [touch._replace(has_force=False) for touch in touches(range(100, 200), 9 * LIMIT)]
     watch.watch(block(1, 240, stuck))
     watch.watch(block(241, 480, touches(range(300, 400), 9 * LIMIT, body="wall")))
     assert notes(watch) == []
+    # Depth without pressure does not end the run.
+    watch = Pinning(within(), (0.0, 0.0, 0.0))
+    seen = block(1, 240, touches(range(100, 200), 0.1 * LIMIT, depth=0.1))
+    assert watch.watch(seen) == (seen, None)
+    seen = block(1, 0)
+    assert Pinning(within(), (0.0, 0.0, 0.0)).watch(seen) == (seen, None)
 
 
 @given(st.integers(1, 239), st.integers(12, 60), st.floats(0.5, 3.0).filter(lambda share: abs(share - 1) > 0.01))
@@ -115,17 +117,6 @@ def test_a_robot_that_is_squeezed_too_deep_ends_the_run() -> None:
     assert f"{told}{MAX_SQUEEZE_M} m" in str(error)
 
 
-def test_depth_without_pressure_does_not_end_the_run() -> None:
-    watch = Pinning(within(), (0.0, 0.0, 0.0))
-    seen = block(1, 240, touches(range(100, 200), 0.1 * LIMIT, depth=0.1))
-    assert watch.watch(seen) == (seen, None)
-
-
-def test_nothing_is_watched_without_steps() -> None:
-    seen = block(1, 0)
-    assert Pinning(within(), (0.0, 0.0, 0.0)).watch(seen) == (seen, None)
-
-
 PASSED_WALL = {"name": "wall", "box": (0.1, 2.0, 0.5)}
 
 
@@ -140,13 +131,20 @@ def along_x(*points: tuple[float, float], name: str = "agv", **keys: Any) -> dic
     return {"name": name, "box": (0.4, 0.4, 0.2), "path": path, **keys}
 
 
-def test_a_body_through_a_wall_is_noted() -> None:
+def test_bodies_that_pass_through_others_on_their_path_are_noted() -> None:
     # It is deep in the wall from x = -0.25 + 0.005 on.
     (note,) = crossings(PASSED_WALL, along_x((0, -2), (4, 2)))
     assert note == (
         "body 'agv' passes through body 'wall' on its path, at 1.77 s: nothing stops it, and no assertion judges two "
         "bodies of the world"
     )
+    other = along_x((0, 2), (4, -2), name="other")
+    (note,) = crossings(along_x((0, -2), (4, 2)), other)
+    assert note.startswith("body 'other' passes through body 'agv' on its path, at 1.8")
+    assert crossings(along_x((0, -2), (4, 1)), along_x((4, 2), (5, 1), (8, -2), name="other"), end=3.9) == []
+    # At 2 s it is already behind the wall.
+    assert crossings({**PASSED_WALL, "appears": 3.0}, along_x((0, -2), (4, 2))) == []
+    assert len(crossings({**PASSED_WALL, "appears": 3.0}, along_x((0, -2), (2, 0)))) == 1
 
 
 @pytest.mark.parametrize(
@@ -164,19 +162,6 @@ def test_a_body_through_a_wall_is_noted() -> None:
 )
 def test_other_bodies_are_not(objects: tuple[dict[str, Any], ...]) -> None:
     assert crossings(*objects, end=8.0) == []
-
-
-def test_two_paths_may_cross() -> None:
-    other = along_x((0, 2), (4, -2), name="other")
-    (note,) = crossings(along_x((0, -2), (4, 2)), other)
-    assert note.startswith("body 'other' passes through body 'agv' on its path, at 1.8")
-    assert crossings(along_x((0, -2), (4, 1)), along_x((4, 2), (5, 1), (8, -2), name="other"), end=3.9) == []
-
-
-def test_a_body_may_appear_in_the_way() -> None:
-    # At 2 s it is already behind the wall.
-    assert crossings({**PASSED_WALL, "appears": 3.0}, along_x((0, -2), (4, 2))) == []
-    assert len(crossings({**PASSED_WALL, "appears": 3.0}, along_x((0, -2), (2, 0)))) == 1
 
 
 def test_each_body_is_noted_once_in_the_order_of_time() -> None:

@@ -162,9 +162,11 @@ def test_two_sources_for_one_joint_are_an_error_that_names_it(
     )
 
 
-def test_a_twist_and_targets_for_its_wheels_do_not_go_together(tmp_path: Path) -> None:
+def test_sources_that_drive_the_same_are_an_error(tmp_path: Path) -> None:
     with pytest.raises(ScriptError, match="target for joint 'wheel_left_joint', which the drive moves"):
         first(controls(tmp_path, script("twist_and_left")))
+    with pytest.raises(ScriptError, match=r"commands\.0 and commands\.1 both drive the base"):
+        first(controls(tmp_path, script("both_ways"), script("twist_and_nothing")))
 
 
 def test_each_command_of_an_answer_makes_its_joints_the_source_s_own(tmp_path: Path) -> None:
@@ -225,23 +227,15 @@ def test_a_drive_whose_wheels_are_taken_over_lets_the_base_go(tmp_path: Path) ->
     assert others == [None] * 23
 
 
-def test_what_is_known_before_is_told_on_its_line(tmp_path: Path) -> None:
+def test_sources_that_move_the_same_are_told_on_their_line(tmp_path: Path) -> None:
     (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", "{twist: [{linear: 2}]}"))
     assert problem == ("6:5: commands.1: commands.0 drives the base already; one source at a time does")
-
-
-def test_a_joint_that_another_moves_is_told_on_its_line(tmp_path: Path) -> None:
     joint = "joints: [{at: 0, position: {wheel_left_joint: 1}}]"
     (problem,) = told(tmp_path, scenario_of("{twist: [{linear: 1}]}", f"{{{joint}}}"))
     assert problem == (
         "6:5: commands.1: joint 'wheel_left_joint' is moved by commands.0 already; "
         "command sources must move different joints"
     )
-
-
-def test_two_controllers_that_drive_the_base_are_told_so(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match=r"commands\.0 and commands\.1 both drive the base"):
-        first(controls(tmp_path, script("both_ways"), script("twist_and_nothing")))
 
 
 def test_a_twist_takes_wheels_that_are_known(tmp_path: Path) -> None:
@@ -324,7 +318,7 @@ def applied(found: Controls, steps: int) -> dict[int, JointTargets]:
     return given
 
 
-def test_a_late_command_takes_effect_between_ticks(tmp_path: Path) -> None:
+def test_late_commands_take_effect_between_ticks(tmp_path: Path) -> None:
     late = "{script: ctl.py, function: left, rate: 10, latency: 0.03}"  # 7.2 steps
     found = controls(tmp_path, late, script("right"))
     assert {step: set(target.velocity) for step, target in applied(found, 48).items()} == {
@@ -333,15 +327,9 @@ def test_a_late_command_takes_effect_between_ticks(tmp_path: Path) -> None:
         24: {"wheel_right_joint"},
         32: {"wheel_left_joint"},
     }
-
-
-def test_a_latency_may_be_longer_than_a_period(tmp_path: Path) -> None:
     found = controls(tmp_path, "{script: ctl.py, function: left, rate: 10, latency: 0.25}")
     assert list(applied(found, 120)) == [60, 84, 108]
     assert list(applied(controls(tmp_path, script("left")), 48)) == [0, 24]  # by default there is none
-
-
-def test_wrenches_are_late_too(tmp_path: Path) -> None:
     found = controls(tmp_path, "{script: ctl.py, function: gust, rate: 10, latency: 0.1}")
     given = {step: target.wrenches for step, target in applied(found, 60).items() if target.wrenches}
     wrench = LinkWrench("base_footprint", (2.0, 0.0, 0.0))

@@ -161,9 +161,7 @@ def test_a_loss_of_energy_is_noted(tmp_path: Path) -> None:
     assert note is not None
     assert "energy changed by -" in note
     assert "until 1.00 s" in note
-
-
-def test_motors_that_work_and_robots_that_touch_the_ground_are_not_judged(tmp_path: Path) -> None:
+    # Motors that work and robots that touch the ground are not judged.
     assert swing(tmp_path, loses=0.1, effort=10.0) is None
     shaped = PENDULUM.replace("</link>", '<collision><geometry><sphere radius="0.1"/></geometry></collision></link>')
     assert swing(tmp_path, shaped, loses=0.1) is not None

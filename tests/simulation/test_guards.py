@@ -90,21 +90,16 @@ def test_it_says_what_to_do(moments: Trace, advice: str) -> None:
     assert advice in fault(moments)
 
 
-def test_a_speed_is_measured_in_space_and_not_by_its_parts() -> None:
+def test_how_speeds_are_measured() -> None:
     moments = trace([1.0])
     moments.state[0, 8:11] = 57.0, -57.0, 57.0
     assert watchdog().watch(moments) == (moments, None)
     moments.state[0, 8:11] = 58.0, -58.0, 58.0
     assert "100.5 m/s" in fault(moments.rows(slice(None)))
-
-
-def test_of_several_in_one_step_a_joint_is_named_before_the_base_and_the_worst_joint_first() -> None:
+    # In one step, a joint is named before the base, and the worst joint first.
     moments = trace(TIMES, speed=[0, 500, 500, 500], velocity=[0, 2e3, 2e3, 2e3])
     moments.state[1, 17] = -3000.0
     assert f"(step 1), first in joint {RIGHT}: 3000 rad/s" in fault(moments)
-
-
-def test_the_highest_bound_is_where_engines_stop() -> None:
     highest = watchdog(Physics(max_turn_rate=MAX_SPEED))
     assert "no engine allows more" in fault(trace([1.0], velocity=[MAX_SPEED]), highest)
 
@@ -121,20 +116,16 @@ def test_bounds_are_those_of_the_scenario() -> None:
     assert "0.5 m below the ground, and the bound is 0.5 m" in fault(trace(TIMES, z=[0, -0.5, 0, 0]), dog)
 
 
-def test_distance_counts_from_where_the_robot_was_put() -> None:
+def test_distance_and_depth_count_from_where_the_robot_was_put() -> None:
     far = replace(START, pose=Pose((5e5, -2e6, 0.0)))
     there = trace(TIMES, x=[5e5] * 4, y=[-2e6] * 4)
     assert watchdog(start=far).watch(there) == (there, None)
     assert "m from where it began" in fault(there)
-
-
-def test_a_base_that_is_bolted_down_cannot_sink() -> None:
+    # A base that is bolted down cannot sink.
     deep = trace(TIMES, z=[-30.0] * 4)
     bolted = DrivenRobot(model=BURGER, base="fixed")
     assert watchdog(robot=bolted).watch(deep) == (deep, None)
-
-
-def test_a_robot_stood_on_the_ground_is_above_it_wherever_its_origin_is_drawn() -> None:
+    # A robot that stands on the ground is above it, wherever its origin is drawn.
     drawn = replace(START, pose=Pose((0.0, 0.0, -12.0)))
     assert watchdog(start=drawn).depth == pytest.approx(13.0)
     put_there = DrivenRobot(model=BURGER, pose=Placement(z=-12.0))
@@ -185,12 +176,9 @@ def test_a_joint_that_slides_is_bounded_in_m() -> None:
     assert "joint slide: 2e+04 m, and the bound is 1e+04 m" in fault(slid, dog)
 
 
-def test_settling_is_told_by_the_time_since_it_was_let_go() -> None:
+def test_settling_is_told_by_the_time_since_release_and_nothing_is_no_reason() -> None:
     moments = trace([-1.55, -1.54], z=[0.0, -9.0])
     assert "unstable while the robot settled, 0.460 s after its release, first in" in fault(moments)
-
-
-def test_nothing_is_no_reason() -> None:
     empty = trace([1.0]).rows(slice(0))
     assert watchdog().watch(empty) == (empty, None)
 
@@ -265,12 +253,9 @@ def test_gains_that_explode_are_an_error_that_names_the_joint(tmp_path: Path) ->
     assert message.startswith("simulation unstable at t = 0.104 s (step 25), first in joint swing: 1365 rad/s")
 
 
-def test_a_robot_that_nothing_carries_is_an_error_although_it_stays_upright(tmp_path: Path) -> None:
+def test_a_robot_that_nothing_carries_or_below_the_ground_is_an_error(tmp_path: Path) -> None:
     message = unstable(tmp_path, shape="")
     assert "while the robot settled, 0.450 s after its release, first in the base link base: 1.00" in message
-
-
-def test_a_start_below_the_ground_is_an_error(tmp_path: Path) -> None:
     below = ", pose: {z: -5}"
     assert "0.004 s after its release, first in the base link base" in unstable(tmp_path, below, shape="")
     with pytest.raises(BadStart, match=r"starts 5\.05 m inside the ground"):

@@ -31,15 +31,9 @@ def needed(folder: Path, text: str) -> set[str]:
     return {name.removeprefix("sim_action.") for name in found}
 
 
-def test_a_plain_scenario_needs_none(tmp_path: Path) -> None:
+def test_a_run_needs_what_its_scenario_may_need(tmp_path: Path) -> None:
     assert needed(tmp_path, DRIVEN) == set()
-
-
-def test_a_robot_that_nothing_drives_may_keep_its_energy(tmp_path: Path) -> None:
     assert needed(tmp_path, DRIVEN.replace(COMMANDS, "").replace(EXPECTED, UPRIGHT)) == {"simulation.energy"}
-
-
-def test_a_body_on_a_path_may_touch_and_pin_the_robot(tmp_path: Path) -> None:
     assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.bodies_on_paths", "simulation.tunnelling"}
 
 

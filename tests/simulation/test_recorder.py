@@ -80,13 +80,17 @@ def test_a_compared_run_keeps_every_step_whatever_the_rate_of_its_trace(cut: int
         np.testing.assert_allclose(seen[row], [*wheel.position_xyz, *wheel.orientation_xyzw], atol=1e-12)
 
 
-def test_a_run_that_is_not_compared_keeps_no_motion() -> None:
+def test_nothing_is_kept_that_nobody_asked_for() -> None:
     footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
     footage.begin(replace(traces.START, joints=dict.fromkeys(traces.WHEELS, JointState(0, 0, 0))))
     assert footage.motion(traces.scene()) is None
+    footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
+    footage.command(0.0, JointTargets(position={"arm": 1.0}))
+    footage.command(0.0, Twist.planar(1.0))
+    assert not footage.commanded()
 
 
-def test_the_film_has_the_last_command_before_each_of_its_moments() -> None:
+def test_the_film_has_the_commands_of_its_moments() -> None:
     footage = RunRecorder(traces.scenario(traces.expectation(Upright())), filmed=True)
     commands: list[tuple[float, Command]] = [
         (0.0, JointTargets(position={"arm": 1.0})),
@@ -99,24 +103,14 @@ def test_the_film_has_the_last_command_before_each_of_its_moments() -> None:
         footage.command(time, command)
     found = footage.commanded()["position"].at("arm", np.array([0, 8, 16]) / RATE)
     np.testing.assert_array_equal(found, [1.0, 3.0, np.nan])
-
-
-def test_a_run_without_a_film_keeps_no_commands() -> None:
-    footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
-    footage.command(0.0, JointTargets(position={"arm": 1.0}))
-    footage.command(0.0, Twist.planar(1.0))
-    assert not footage.commanded()
-
-
-def test_the_film_has_commanded_twists_velocities_and_wrenches() -> None:
     footage = RunRecorder(traces.scenario(traces.expectation(Upright())), filmed=True)
     pushes = (LinkWrench("arm", force_xyz=(0.0, 0.0, 2.0)), LinkWrench("arm", force_xyz=(0.0, 0.0, 3.0)))
     footage.command(0.0, Twist.planar(1.0, 0.5))
     footage.command(0.0, JointTargets(velocity={"arm": 2.0}, wrenches=pushes))
     footage.command(8 / RATE, JointTargets(effort={"arm": 4.0}))
-    found, times = footage.commanded(), np.array([0, 8]) / RATE
-    assert found["base"].at("linear x", times).tolist() == [1.0, 1.0]
-    assert found["base"].at("angular z", times).tolist() == [0.5, 0.5]
-    assert found["wrench"].at("force on arm z", times).tolist() == [5.0, 5.0]
-    np.testing.assert_array_equal(found["velocity"].at("arm", times), [2.0, np.nan])
-    np.testing.assert_array_equal(found["effort"].at("arm", times), [np.nan, 4.0])
+    commanded, times = footage.commanded(), np.array([0, 8]) / RATE
+    assert commanded["base"].at("linear x", times).tolist() == [1.0, 1.0]
+    assert commanded["base"].at("angular z", times).tolist() == [0.5, 0.5]
+    assert commanded["wrench"].at("force on arm z", times).tolist() == [5.0, 5.0]
+    np.testing.assert_array_equal(commanded["velocity"].at("arm", times), [2.0, np.nan])
+    np.testing.assert_array_equal(commanded["effort"].at("arm", times), [np.nan, 4.0])

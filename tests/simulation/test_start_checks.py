@@ -93,7 +93,7 @@ def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes:
     return []
 
 
-def test_what_touches_may_begin_and_what_is_inside_is_told_with_what_to_move() -> None:
+def test_a_start_inside_a_body_is_told_with_what_to_move() -> None:
     assert told() == []
     assert told(Overlap("base", "wall", DEPTH), Overlap("hand", GROUND, DEPTH)) == []
     assert told(Overlap("hand", "wall", 0.12)) == [
@@ -105,9 +105,7 @@ def test_what_touches_may_begin_and_what_is_inside_is_told_with_what_to_move() -
     # What is bolted at the height of the world has no z to leave out.
     (message,) = told(Overlap("hand", GROUND, 0.3), base="fixed", z=None)
     assert message.endswith("inside the ground; raise its z")
-
-
-def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
+    # Each body is told once, with the link that is deepest in it.
     found = told(
         Overlap("hand", "wall", 0.1),
         Overlap("upper", "wall", 0.2),
@@ -118,6 +116,11 @@ def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
         "robot.pose: the robot's link 'hand' starts 0.3 m inside 'crate'",
         "robot.pose: the robot's link 'upper' starts 0.2 m inside 'wall'",
     ]
+    # A body deep in another is told once, and one that lies on it is not.
+    clashes = (Clash("crate", "wall", 0.1), Clash("crate", GROUND, 0.3), Clash("crate", "wall", DEPTH))
+    (message,) = told(clashes=clashes)
+    assert message.startswith("world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out")
+    assert told(clashes=clashes[2:]) == []
 
 
 @pytest.mark.parametrize(
@@ -133,13 +136,6 @@ def test_each_body_is_told_once_with_the_link_that_is_deepest_in_it() -> None:
 def test_what_is_bolted_to_the_world_may_be_in_what_is_fixed(link: str, body: str, is_told: bool) -> None:
     assert bool(told(Overlap(link, body, DEEP), base="fixed")) is is_told
     assert told(Overlap(link, body, DEEP), base="free")
-
-
-def test_a_body_that_begins_deep_in_another_is_told_once_and_one_that_lies_on_it_is_not() -> None:
-    clashes = (Clash("crate", "wall", 0.1), Clash("crate", GROUND, 0.3), Clash("crate", "wall", DEPTH))
-    (message,) = told(clashes=clashes)
-    assert message.startswith("world.objects.0.pose: 'crate' begins 0.3 m deep in the ground, which would throw it out")
-    assert told(clashes=clashes[2:]) == []
 
 
 @pytest.mark.parametrize(("x", "z", "is_buried"), [(0.0, 0.4, True), (0.0, 0.6, False), (3.0, 0.1, False)])
@@ -199,14 +195,12 @@ def lifted(top: float, z: float | None, place: Location | None = None, base: str
     return opened[-1].z, list(notes)
 
 
-def test_a_robot_without_z_stands_on_a_fixed_body_below_it() -> None:
+def test_a_robot_starts_on_top_of_a_fixed_body() -> None:
     z, (note,) = lifted(0.05, None)
     assert z == pytest.approx(0.05)
     assert note.startswith("the robot starts on 'wall', 0.05 m above the ground")
     assert lifted(0.09, None)[0] == pytest.approx(0.09)
-
-
-def test_a_robot_of_a_world_file_starts_on_top_with_a_note_on_its_line() -> None:
+    # That of a world file has a note on its line.
     z, (note,) = lifted(0.03, 0.01, HERE_IN_WORLD)
     assert z == pytest.approx(0.03)
     assert note.startswith("the pose of the robot in the world file puts it 0.02 m into 'wall'")
@@ -247,9 +241,7 @@ def test_a_start_in_a_body_of_the_world_file_names_its_line() -> None:
     (message,) = of_file([Overlap("hand", GROUND, 0.12)], robot=HERE_IN_WORLD)
     assert message.startswith("office.world:7: the robot's link 'hand' starts 0.12 m inside the ground; ")
     assert message.endswith("; raise its <pose>, or state robot.pose in the scenario")
-
-
-def test_bodies_of_the_world_file_may_begin_a_little_in_each_other() -> None:
+    # Bodies of the world file may begin a little in each other.
     places = {"crate": Location("office.world", 3), "wall": Location("office.world", 5)}
     scene = Scene(
         Robot(model="arm.urdf"), ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=WorldPlaces(places)
@@ -309,7 +301,7 @@ def refuse(arrivals: start_checks.Spawns, step: int, engine: Inside) -> None:
     arrivals.refuse_blocked(step, 240.0, cast(Engine, engine))
 
 
-def test_engines_are_asked_only_when_something_appears(arrivals: start_checks.Spawns) -> None:
+def test_engines_are_asked_when_something_appears_and_the_deepest_is_told(arrivals: start_checks.Spawns) -> None:
     engine = Inside()
     for step in range(100, 130):
         refuse(arrivals, step, engine)
@@ -317,9 +309,6 @@ def test_engines_are_asked_only_when_something_appears(arrivals: start_checks.Sp
     # What was there before is not told.
     links = (Overlap("base", "first", 0.1), Overlap("base", "ever", 0.1), Overlap("base", "third", 0.004))
     refuse(arrivals, 121, Inside(links, (Clash("first", "ever", 0.1),)))
-
-
-def test_the_deepest_is_told(arrivals: start_checks.Spawns) -> None:
     links = (Overlap("base", "second", 0.01), Overlap("wheel", "second", 0.02), Overlap("arm", "ever", 1.0))
     with pytest.raises(RunError, match=r"'second' appears at 0.5042 s, 0.02 m inside the robot's link 'wheel'") as told:
         refuse(arrivals, 121, Inside(links))

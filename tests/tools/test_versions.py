@@ -68,9 +68,6 @@ def found(root: Path, tag: str | None = None) -> list[str]:
 def test_this_repository_agrees_on_its_version() -> None:
     assert found(release.ROOT) == []
     assert read_version() == __version__
-
-
-def test_init_writes_the_tag_that_moves() -> None:
     workflow = init.files("")[".github/workflows/simulation.yml"]
     assert re.findall(r"sim-action/sim-action@(\S+)", workflow) == [moving_tag(__version__)]
 

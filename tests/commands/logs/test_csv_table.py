@@ -19,13 +19,10 @@ from tests.soak import examples
 TimedContent = tuple[float, Content]
 
 
-def test_a_header_of_twists() -> None:
+def test_a_header_is_of_twists_or_of_joints_whose_names_may_have_dots() -> None:
     header = Header.of(["time", "angular"])
     assert header.holds_twists
     assert not header.joint_names
-
-
-def test_a_header_of_joints_whose_names_may_have_dots() -> None:
     header = Header.of(["position.arm.elbow", "time", "velocity.wheel"])
     assert not header.holds_twists
     assert header.joint_names == {"arm.elbow", "wheel"}
@@ -73,17 +70,19 @@ def refusal(folder: Path, text: str | bytes) -> str:
     return str(raised.value)
 
 
-def test_rows_become_twists_at_times_since_the_first(tmp_path: Path) -> None:
+def test_rows_become_commands_at_times_since_the_first(tmp_path: Path) -> None:
     assert moments(tmp_path, "time,linear,lateral,angular\n10,1,2,3\n10.5,-.5,+0,1e-1\n") == [
         (0.0, Twist.planar(1.0, 3.0, lateral=2.0)),
         (0.5, Twist.planar(-0.5, 0.1)),
     ]
-
-
-def test_rows_become_numbers_of_joints(tmp_path: Path) -> None:
     text = "time,effort.elbow,velocity.wheel,position.elbow\n0,9,2,1\n"
     row = {("effort", "elbow"): 9.0, ("velocity", "wheel"): 2.0, ("position", "elbow"): 1.0}
     assert moments(tmp_path, text) == [(0.0, row)]
+    assert moments(tmp_path, "angular,time\n2,0\n") == [(0.0, Twist.planar(0.0, 2.0))]
+    assert moments(tmp_path, "time,linear\n0,1\n0,2\n") == [(0.0, Twist.planar(1.0)), (0.0, Twist.planar(2.0))]
+    # A joint without a number is left out of its row.
+    rows = moments(tmp_path, "time,position.a,position.b\n0,1,\n1,nan,2\n2,,\n")
+    assert rows == [(0.0, {("position", "a"): 1.0}), (1.0, {("position", "b"): 2.0})]
 
 
 def test_what_editors_and_spreadsheets_add_is_no_matter(tmp_path: Path) -> None:
@@ -91,22 +90,11 @@ def test_what_editors_and_spreadsheets_add_is_no_matter(tmp_path: Path) -> None:
     assert moments(tmp_path, text) == [(0.0, Twist.planar(1.5))]
 
 
-def test_the_largest_of_numbers_are_numbers(tmp_path: Path) -> None:
+def test_large_numbers_and_times_keep_their_digits(tmp_path: Path) -> None:
     text = "time,linear,angular\n0,1.7e308,1.7e308\n"
     assert moments(tmp_path, text) == [(0.0, Twist.planar(1.7e308, 1.7e308))]
-
-
-def test_columns_that_are_left_out_are_zero(tmp_path: Path) -> None:
-    assert moments(tmp_path, "angular,time\n2,0\n") == [(0.0, Twist.planar(0.0, 2.0))]
-
-
-def test_times_keep_their_last_digit_whenever_the_log_began(tmp_path: Path) -> None:
     text = "time,linear\n1700000000.123456789,0\n1700000000.223456789,0\n"
     assert [time for time, _ in moments(tmp_path, text)] == [0.0, 0.1]
-
-
-def test_two_commands_at_the_same_time_stay_in_their_order(tmp_path: Path) -> None:
-    assert moments(tmp_path, "time,linear\n0,1\n0,2\n") == [(0.0, Twist.planar(1.0)), (0.0, Twist.planar(2.0))]
 
 
 @pytest.mark.parametrize(
@@ -267,11 +255,6 @@ def test_one_of_several_topics_is_selected(tmp_path: Path) -> None:
     assert since_first(Table(path, "log.csv", topic="/b")) == [(0.0, Twist.planar(2.0))]
     with pytest.raises(RecordingError, match="several topics: /a, /b; select one with 'topic'"):
         Table(path, "log.csv").read()
-
-
-def test_a_joint_without_a_number_is_left_out_of_its_row(tmp_path: Path) -> None:
-    rows = moments(tmp_path, "time,position.a,position.b\n0,1,\n1,nan,2\n2,,\n")
-    assert rows == [(0.0, {("position", "a"): 1.0}), (1.0, {("position", "b"): 2.0})]
 
 
 @pytest.mark.parametrize(

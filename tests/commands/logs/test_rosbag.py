@@ -105,15 +105,6 @@ def test_types_that_tell_no_robot_where_to_go_are_told(tmp_path: Path) -> None:
     assert "'/point' has the type geometry_msgs/msg/Point, which is not supported; did you mean" in told(path, "/point")
 
 
-def test_a_type_of_the_same_name_with_other_fields_is_refused(tmp_path: Path) -> None:
-    path = ros1_bag(tmp_path / "a.bag", drive(TWIST_MESSAGES))
-    digest = ROS1.generate_msgdef(bags.TWIST)[1].encode()
-    data = path.read_bytes()
-    assert digest in data
-    path.write_bytes(data.replace(digest, b"0" * len(digest)))
-    assert "differs from the one of ROS (digest 000" in told(path)
-
-
 def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
     folder = ros2_bag(tmp_path / "later", drive(TWIST_MESSAGES[1:]))
     shutil.copy(ros2_bag(tmp_path / "earlier", drive(TWIST_MESSAGES[:1])) / "earlier.db3", folder)
@@ -155,7 +146,7 @@ def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
         assert "'/cmd_vel' is encoded as 'json'; only cdr and ros1 are supported" in told(path)
 
 
-def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
+def test_definitions_in_a_log_become_no_code_and_must_be_those_of_ros(tmp_path: Path) -> None:
     path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES))
     data = path.read_bytes()
     assert b"float64 x" in data
@@ -163,11 +154,21 @@ def test_definitions_in_a_log_become_no_code(tmp_path: Path) -> None:
     assert "cannot be read" in told(path)
     path.write_bytes(data.replace(b"float64 x", b"float32 x"))
     assert "differs from the one of ROS" in told(path)
+    path = ros1_bag(tmp_path / "a.bag", drive(TWIST_MESSAGES))
+    digest = ROS1.generate_msgdef(bags.TWIST)[1].encode()
+    data = path.read_bytes()
+    assert digest in data
+    path.write_bytes(data.replace(digest, b"0" * len(digest)))
+    assert "differs from the one of ROS (digest 000" in told(path)
 
 
-def test_the_files_of_a_bag_are_those_that_its_metadata_name(tmp_path: Path) -> None:
+def test_files_of_a_bag_and_paths_that_are_no_log(tmp_path: Path) -> None:
     path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
     assert list(files_of(path, "monday")) == ["metadata.yaml", "bag.db3"]
+    assert "without metadata.yaml" in str(path_problem(tmp_path))
+    assert "is not a log that can be replayed" in str(path_problem(tmp_path / "a.txt"))
+    assert "rename it" in str(path_problem(tmp_path / "a%2f.db3"))
+    assert path_problem(tmp_path / "a.bag") is None
 
 
 @pytest.mark.parametrize("text", ["", "[", "rosbag2_bagfile_information: 3", "a: b", "!!python/object:os.system x"])
@@ -177,13 +178,6 @@ def test_metadata_that_say_nothing_are_an_error(text: str, tmp_path: Path) -> No
     with pytest.raises(RecordingError, match=r"^monday: "):
         list(files_of(path, "monday"))
     told(path)
-
-
-def test_paths_that_no_log_can_be_read_from(tmp_path: Path) -> None:
-    assert "without metadata.yaml" in str(path_problem(tmp_path))
-    assert "is not a log that can be replayed" in str(path_problem(tmp_path / "a.txt"))
-    assert "rename it" in str(path_problem(tmp_path / "a%2f.db3"))
-    assert path_problem(tmp_path / "a.bag") is None
 
 
 def test_without_rosbags_it_is_told_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,12 +273,9 @@ def trajectory(names: list[str], *points: tuple[float, list[float]]) -> Any:
     return types["trajectory_msgs/msg/JointTrajectory"](bags.header(ROS2), names, made)
 
 
-def test_the_numbers_of_an_array_are_those_of_the_joints_that_the_scenario_names() -> None:
+def test_arrays_and_trajectories_are_of_the_joints_that_the_scenario_names() -> None:
     found = content_of(array(1.0, float("nan")), joints=("a", "b"), interface="velocity")
     assert found == {("velocity", "a"): 1.0}
-
-
-def test_a_trajectory_keeps_its_points() -> None:
     found = content_of(trajectory(["a", "b"], (0.5, [1.0, 2.0]), (1.0, [3.0, 4.0])))
     assert isinstance(found, Trajectory)
     assert [(point.time, point.positions) for point in found.points] == [(0.5, (1.0, 2.0)), (1.0, (3.0, 4.0))]

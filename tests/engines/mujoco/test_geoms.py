@@ -28,18 +28,22 @@ def clean(folder: Path, name: str, data: bytes) -> bytes:
     return clean_mesh(path, folder / "clean", margin=ENGINE_MARGIN_M).text
 
 
-def test_a_box_is_as_large_as_it_was(tmp_path: Path) -> None:
+def test_meshes_are_hulls_as_large_as_they_were(tmp_path: Path) -> None:
     (points,) = geoms.read_unshrunk_hulls(clean(tmp_path, "box.stl", stl()))
     corners = np.array(CORNERS)
     apart = np.linalg.norm(points[:, np.newaxis] - corners, axis=2)
     assert len(points) == 8
     assert apart.min(axis=0).max() < 1e-7
-
-
-def test_each_part_is_a_hull_of_its_own(tmp_path: Path) -> None:
+    # Each part is a hull of its own.
     left, right = geoms.read_unshrunk_hulls(clean(tmp_path, "two.obj", two_objects()))
     assert left.mean(axis=0) == pytest.approx((0, 0, 0), abs=1e-8)
     assert right.mean(axis=0) == pytest.approx((1, 0, 0), abs=1e-8)
+    # A scaled mesh is grown as it was drawn in.
+    path = tmp_path / "box.obj"
+    path.write_bytes(obj())
+    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=ENGINE_MARGIN_M).text
+    (points,) = geoms.read_unshrunk_hulls(scaled)
+    assert np.ptp(points, axis=0) == pytest.approx((0.4, 0.4, 0.006), abs=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -60,14 +64,6 @@ def test_what_is_flat_gets_a_thickness(points: list[tuple[float, float, float]])
 def test_what_has_a_volume_is_left_alone() -> None:
     points = np.array(CORNERS)
     assert geoms.thickened(points) is points
-
-
-def test_a_scaled_mesh_is_grown_as_it_was_drawn_in(tmp_path: Path) -> None:
-    path = tmp_path / "box.obj"
-    path.write_bytes(obj())
-    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=ENGINE_MARGIN_M).text
-    (points,) = geoms.read_unshrunk_hulls(scaled)
-    assert np.ptp(points, axis=0) == pytest.approx((0.4, 0.4, 0.006), abs=1e-8)
 
 
 ONE = np.array([[0, 1, 2]])

@@ -223,11 +223,8 @@ def notes(folder: Path) -> tuple[str, ...]:
     return scenery(build_scene(load(folder, (folder / "s.sim.yml").read_text())), []).notes
 
 
-def test_what_is_drawn_as_stated_has_no_note(tmp_path: Path) -> None:
+def test_meshes_that_cannot_be_read_are_counted_with_the_reason(tmp_path: Path) -> None:
     assert seen(tmp_path, MESH.format(material=""), BOX.format(material="")).notes == ()
-
-
-def test_links_whose_meshes_cannot_be_read_are_counted_with_the_reason(tmp_path: Path) -> None:
     seen(tmp_path, MESH.format(material=""), BOX.format(material=""))
     (tmp_path / "box.stl").write_bytes(b"")
     (note,) = notes(tmp_path)

@@ -57,11 +57,15 @@ def test_links_and_permissions_are_kept(root: Path, tmp_path: Path) -> None:
     assert (there / "run.sh").stat().st_mode & 0o777 == 0o755
 
 
-def test_the_digest_is_that_of_the_files(root: Path) -> None:
+def test_a_digest_is_of_files_and_a_second_copy_changes_nothing(root: Path, tmp_path: Path) -> None:
     first = archive_of(root, root).copied.digest
     assert archive_of(root, root).copied.digest == first
     (root / "a.sim.yml").write_text("changed")
     assert archive_of(root, root).copied.digest != first
+    archive = archive_of(root, root)
+    copy(archive, tmp_path / "copies")
+    copy(archive, tmp_path / "copies")
+    assert [path.name for path in (tmp_path / "copies").iterdir()] == [archive.copied.digest]
 
 
 def test_files_below_the_current_folder_keep_their_names_from_there(root: Path, tmp_path: Path) -> None:
@@ -70,13 +74,6 @@ def test_files_below_the_current_folder_keep_their_names_from_there(root: Path, 
     assert there == tmp_path / "copies" / copied.digest / "project/a.sim.yml"
     assert copied.holds(root / "a.sim.yml")
     assert not copied.holds(tmp_path / "other/a.sim.yml")
-
-
-def test_a_second_copy_changes_nothing(root: Path, tmp_path: Path) -> None:
-    archive = archive_of(root, root)
-    copy(archive, tmp_path / "copies")
-    copy(archive, tmp_path / "copies")
-    assert [path.name for path in (tmp_path / "copies").iterdir()] == [archive.copied.digest]
 
 
 def test_limits_of_a_workspace(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,14 +63,13 @@ def test_without_any_usable_folder_the_first_reason_counts(tmp_path: Path, monke
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_gone_is_removed_without_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_are_removed_if_gone_or_without_a_free_descriptor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     use(monkeypatch, tmp_path)
     scratch = scratch_folder()
     Path(scratch.name).rmdir()
     remove(scratch)
-
-
-def test_an_empty_folder_is_removed_without_a_free_descriptor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, tmp_path)
     scratch = scratch_folder()
     too_many = OSError(errno.EMFILE, os.strerror(errno.EMFILE))

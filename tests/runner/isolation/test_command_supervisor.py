@@ -36,8 +36,13 @@ def test_it_ends_as_the_command_ends_and_ends_what_that_leaves(tmp_path: Path) -
     assert not is_there(file)
 
 
-def test_a_signal_of_the_command_is_its_own(tmp_path: Path) -> None:
+def test_it_ends_as_the_command_ends(tmp_path: Path) -> None:
     assert subprocess.run([*KEEPER, "sh", "-c", "kill -SEGV $$"], check=False).returncode == -signal.SIGSEGV
+    told = subprocess.run([*KEEPER, "sh", "-c", "kill -INT $$; sleep 600"], check=False)
+    assert told.returncode == -signal.SIGINT
+    done = subprocess.run([*KEEPER, "nowhere-to-be-found"], check=False, capture_output=True, text=True)
+    assert done.returncode == 127
+    assert done.stderr.startswith("nowhere-to-be-found: No such file")
 
 
 def test_told_to_end_it_ends_all(tmp_path: Path) -> None:
@@ -47,14 +52,3 @@ def test_told_to_end_it_ends_all(tmp_path: Path) -> None:
     keeper.terminate()
     assert keeper.wait(PATIENCE) == -signal.SIGTERM
     assert not is_there(file)
-
-
-def test_the_command_hears_ctrl_c(tmp_path: Path) -> None:
-    told = subprocess.run([*KEEPER, "sh", "-c", "kill -INT $$; sleep 600"], check=False)
-    assert told.returncode == -signal.SIGINT
-
-
-def test_a_command_that_is_not_there_is_told() -> None:
-    done = subprocess.run([*KEEPER, "nowhere-to-be-found"], check=False, capture_output=True, text=True)
-    assert done.returncode == 127
-    assert done.stderr.startswith("nowhere-to-be-found: No such file")
