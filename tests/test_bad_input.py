@@ -243,9 +243,7 @@ def test_a_script_that_cannot_run(script: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("linked", ["s.sim.yml", "folder"])
-def test_a_scenario_is_read_from_its_workspace_alone(
-    linked: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scenario_is_read_from_its_workspace(linked: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     outside, workspace = tmp_path / "outside", tmp_path / "workspace"
     for folder in (outside, workspace):
         folder.mkdir()

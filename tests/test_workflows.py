@@ -215,9 +215,7 @@ def test_the_lock_file_of_an_extra_has_the_same_versions_and_what_it_needs_besid
         ("requirements-reports.lock", {"pybullet", "mujoco-core"}),
     ],
 )
-def test_the_actions_that_simulate_nothing_install_the_same_versions_without_engines(
-    name: str, absent: set[str]
-) -> None:
+def test_actions_that_simulate_nothing_install_the_same_without_engines(name: str, absent: set[str]) -> None:
     whole, part = (
         set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / lock).read_text(encoding="utf-8"), re.MULTILINE))
         for lock in ("requirements.lock", name)
@@ -298,9 +296,7 @@ def test_an_input_of_an_earlier_version_is_declared_so_that_its_value_is_seen_an
 
 
 @every_action
-def test_an_input_without_a_default_of_its_own_is_empty_and_each_other_one_is_refused_if_it_is_empty(
-    file: Path,
-) -> None:
+def test_an_input_without_a_default_is_empty_and_each_other_one_refused_if_empty(file: Path) -> None:
     subcommand = SUBCOMMANDS["run" if file.parent == ROOT else file.parent.name]
     inputs = load(file)["inputs"].items()
     filled = {name for name, entry in inputs if entry.get("required") or entry["default"]}

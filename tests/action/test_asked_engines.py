@@ -98,9 +98,7 @@ def test_encodings_of_yaml_are_searched(encoding: str, workspace: Path) -> None:
         ({}, PYBULLET),
     ],
 )
-def test_the_caller_decides_before_the_files(
-    variables: dict[str, str], expected: frozenset[str], workspace: Path
-) -> None:
+def test_the_caller_decides_first(variables: dict[str, str], expected: frozenset[str], workspace: Path) -> None:
     assert asked(workspace, **variables) == expected
 
 

@@ -108,9 +108,7 @@ def test_a_scenario_without_an_engine_needs_the_default_one_alone(packages: list
     assert (folder / "requirements.lock").read_text() == text_of([packages[0], packages[2]])
 
 
-def test_nothing_is_searched_for_a_lock_without_engines(
-    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_searched_without_engines(packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     searched: list[object] = []
     monkeypatch.setattr("action.environment.asked_engines", searched.append)
     look(packages[:1], job.temp, job.variables)
@@ -121,9 +119,7 @@ def test_nothing_is_searched_for_a_lock_without_engines(
     ("backend", "present"),
     [("mujoco", ["mujoco-core"]), ("all", ["mujoco-core", "pybullet"]), ("pybullet", ["pybullet"])],
 )
-def test_the_engine_of_the_input_is_installed(
-    backend: str, present: list[str], packages: list[Entry], job: Job
-) -> None:
+def test_the_engine_of_the_input_counts(backend: str, present: list[str], packages: list[Entry], job: Job) -> None:
     made(packages, job.temp, {**job.variables, "INPUT_BACKEND": backend})
     assert job.downloads == [["click", *present]]
 
@@ -133,9 +129,7 @@ def test_systems_with_one_engine_get_it(packages: list[Entry], job: Job) -> None
     assert job.downloads == [["click", "mujoco-core"]]
 
 
-def test_the_key_names_the_content_and_depends_on_all_of_it(
-    packages: list[Entry], variables: dict[str, str], make_wheel: MakeWheel
-) -> None:
+def test_the_key_depends_on_content(packages: list[Entry], variables: dict[str, str], make_wheel: MakeWheel) -> None:
     found = key(packages, variables)
     assert found.startswith(f"sim-action-Linux-X64-{sys.implementation.cache_tag}-pybullet-mujoco-")
     assert "no-engine" in key(packages[:1], variables)
@@ -145,9 +139,7 @@ def test_the_key_names_the_content_and_depends_on_all_of_it(
     assert all(len(each) < 200 and "," not in each for each in keys)
 
 
-def test_no_absolute_path_is_part_of_a_cache(
-    packages: list[Entry], job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_path_is_in_caches(packages: list[Entry], job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runners with other folders share a cache, if the home folder has the same place seen from the workspace."""
     job.variables["GITHUB_WORKSPACE"] = str(tmp_path / "home/work/robots/robots")
     here = look(packages, job.temp, job.variables)
@@ -204,9 +196,7 @@ def test_kept_wheels_are_used_again_without_a_cache_service(packages: list[Entry
     assert len(job.downloads) == 1
 
 
-def test_extras_have_a_cache_of_their_own_and_share_the_other_one(
-    packages: list[Entry], job: Job, make_wheel: MakeWheel, tmp_path: Path
-) -> None:
+def test_extras_have_their_own_cache(packages: list[Entry], job: Job, make_wheel: MakeWheel, tmp_path: Path) -> None:
     """Jobs with the folders of others, and what each downloads and saves; all but the last ones need both engines."""
     more, both = [make_wheel("lz4")], {**job.variables, "INPUT_BACKEND": "all"}
     keys = set()
@@ -233,9 +223,7 @@ def kept_wheels(home: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("damage", ["poison", "missing", "second", "folder"])
-def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
-    damage: str, packages: list[Entry], job: Job, tmp_path: Path
-) -> None:
+def test_damaged_wheels_are_downloaded_again(damage: str, packages: list[Entry], job: Job, tmp_path: Path) -> None:
     made(packages, job.temp, job.variables)
     wheel = next(wheel for wheel in kept_wheels(job.home) if wheel.name.startswith("click"))
     if damage == "poison":
@@ -255,9 +243,7 @@ def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
     assert sorted(wheel.name[:5] for wheel in kept_wheels(job.home)) == ["click", "pybul"]
 
 
-def test_kept_wheels_that_no_job_has_used_for_a_month_are_removed(
-    packages: list[Entry], temp: Path, job: Job, tmp_path: Path
-) -> None:
+def test_wheels_unused_for_a_month_are_removed(packages: list[Entry], temp: Path, job: Job, tmp_path: Path) -> None:
     both = {**job.variables, "INPUT_BACKEND": "all"}
     made(packages, temp, job.variables)
     made(packages, temp, both)
@@ -274,17 +260,13 @@ def test_kept_wheels_that_no_job_has_used_for_a_month_are_removed(
     assert len(job.downloads) == 2
 
 
-def test_wheels_that_cannot_be_kept_fail_nothing(
-    packages: list[Entry], job: Job, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wheels_not_kept_fail_nothing(packages: list[Entry], job: Job, capsys: pytest.CaptureFixture[str]) -> None:
     job.home.write_text("a file")
     assert install(packages, planned(packages, job.temp, job.variables), job.temp)["fetched"] is False
     assert "not cached" in capsys.readouterr().out
 
 
-def test_without_a_home_folder_nothing_is_cached(
-    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_home_nothing_is_cached(packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
     found = look(packages, job.temp, job.variables)
     assert (found["cache"], found["wheels"]) == (False, "")
@@ -324,9 +306,7 @@ def test_an_environment_that_appears_after_the_plan_is_not_used(packages: list[E
     assert Path(str(done["python"])).parent.parent != planted
 
 
-def test_a_killed_installation_is_not_taken_for_complete(
-    packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_installation_is_incomplete(packages: list[Entry], job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
         patched.setattr(environment, "_complete", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
@@ -375,9 +355,7 @@ def test_jobs_that_share_all_folders_do_not_disturb_each_other(packages: list[En
     ]
 
 
-def test_folders_of_windows_are_those_of_its_python(
-    packages: list[Entry], temp: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_of_windows_are_its_own(packages: list[Entry], temp: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     get_paths = sysconfig.get_paths
     monkeypatch.setattr("sysconfig.get_paths", lambda _, variables: get_paths("nt_venv", variables))
     monkeypatch.setattr("sys.platform", "win32")
@@ -426,9 +404,7 @@ environment.add(folder, folder / "left-out.lock", "mujoco")
 
 
 @pytest.mark.process
-def test_an_engine_that_was_left_out_is_installed_when_it_is_imported(
-    job: Job, by_default: Path, packages: list[Entry]
-) -> None:
+def test_an_engine_that_was_left_out_is_installed_on_import(job: Job, by_default: Path, packages: list[Entry]) -> None:
     first = run_python(by_default, PROGRAM)
     assert (first.stdout, first.returncode) == ("wheel\n", 0), first.stderr
     assert "mujoco is installed now" in first.stderr
@@ -448,9 +424,7 @@ def test_processes_can_install_an_engine_at_the_same_time(by_default: Path) -> N
 
 
 @pytest.mark.process
-def test_an_engine_that_cannot_be_installed_is_an_import_error_with_the_reason(
-    by_default: Path, tmp_path: Path
-) -> None:
+def test_an_engine_that_cannot_be_installed_is_an_import_error(by_default: Path, tmp_path: Path) -> None:
     shutil.rmtree(tmp_path / "wheels")
     ran = run_python(by_default, "import mujoco")
     assert ran.returncode == 1
@@ -458,9 +432,7 @@ def test_an_engine_that_cannot_be_installed_is_an_import_error_with_the_reason(
     assert "No such file" in ran.stderr
 
 
-def test_the_placeholder_runs_this_script_with_the_interpreter_of_the_installation(
-    packages: list[Entry], job: Job
-) -> None:
+def test_the_placeholder_runs_this_script_and_interpreter(packages: list[Entry], job: Job) -> None:
     folder = made(packages, job.temp, job.variables)
     [module] = folder.rglob("mujoco.py")
     script = str(ROOT / "action/environment.py")

@@ -81,9 +81,7 @@ def test_markers_mean_what_they_mean_to_pip(lock: Path) -> None:
     st.sampled_from(["and", "or"]),
     st.sampled_from(SYSTEMS),
 )
-def test_comparisons_of_markers_mean_what_they_mean_to_pip(
-    comparison: str, version: str, word: str, system: dict[str, str]
-) -> None:
+def test_markers_compare_as_those_of_pip_do(comparison: str, version: str, word: str, system: dict[str, str]) -> None:
     marker = f"python_full_version {comparison} '{version}.0' {word} (sys_platform == 'linux')"
     ast.parse(marker.strip(), mode="eval")
     [entry] = entries(f"a==1 ; {marker} \\\n    --hash=sha256:{'0' * 64}\n")

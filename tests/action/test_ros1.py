@@ -40,7 +40,7 @@ def test_only_programs_of_the_system_are_started(user: int, tmp_path: Path, monk
     ]
 
 
-def test_without_apt_there_is_one_line(
+def test_apt_may_be_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "sudo").touch(mode=0o755)

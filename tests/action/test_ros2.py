@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from action import environment, ros2
+from action.lock import entries
 from action.ros2 import LOCKS, install, look, main, messages
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros2 import installation
@@ -36,6 +37,15 @@ def test_each_distribution_has_its_lock_file() -> None:
     assert set(WHEELS) < set(DISTRIBUTIONS)
 
 
+@pytest.mark.parametrize("distribution", WHEELS)
+def test_what_users_install_is_what_is_locked(distribution: str) -> None:
+    stated = (FOLDER.parents[1] / f"tools/ros2/{distribution}.in").read_text(encoding="utf-8").splitlines()
+    assert tuple(line for line in stated if not line.startswith("#")) == WHEELS[distribution]
+    locked = entries((FOLDER / LOCKS[distribution]).read_text(encoding="utf-8"))
+    assert {name.partition("[")[0] for name in WHEELS[distribution]} <= {entry.name for entry in locked}
+    assert all(entry.hashes for entry in locked)
+
+
 @pytest.mark.parametrize(("wanted", "lock"), [("true", "jazzy"), ("jazzy", "jazzy"), ("kilted", "kilted")])
 def test_without_ros_the_wheels_are_installed(wanted: str, lock: str, tmp_path: Path) -> None:
     found = look(FOLDER, variables(tmp_path, wanted))
@@ -54,9 +64,7 @@ def test_wheels_are_cached_as_those_of_other_packages(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize("wanted", ["true", "kilted"])
-def test_the_ros_of_the_runner_is_used_and_named(
-    wanted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_ros_of_the_runner_is_used(wanted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     prefix = ros_prefix(tmp_path / "kilted", KILTED)
     # Such as a container on a runner that has no wheels.
     found = look(FOLDER, variables(tmp_path, wanted, AMENT_PREFIX_PATH=str(prefix), RUNNER_ARCH="ARM64"))

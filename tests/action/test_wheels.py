@@ -167,9 +167,7 @@ def library(segments: list[tuple[int, int]], rest: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("size", [0, 7, 100_000])
-def test_a_library_of_pybullet_is_installed_without_what_debuggers_read(
-    size: int, tmp_path: Path, make_wheel: MakeWheel
-) -> None:
+def test_a_library_is_installed_without_debug_information(size: int, tmp_path: Path, make_wheel: MakeWheel) -> None:
     whole = library([(0, 300), (300, size), (0, 0)], b"debug info" * 50_000)
     wheels = {"pybullet": whole, "other": whole}
     entries = [make_wheel(name, files={f"{name}.cpython-311.so": content}) for name, content in wheels.items()]
@@ -195,8 +193,6 @@ def test_a_library_of_pybullet_is_installed_without_what_debuggers_read(
         library([(0, 300)], b"rest")[:32] + struct.pack("<Q", 2**40) + library([(0, 300)], b"rest")[40:],
     ],
 )
-def test_a_file_that_is_no_library_of_linux_is_installed_whole(
-    content: bytes, tmp_path: Path, make_wheel: MakeWheel
-) -> None:
+def test_a_file_that_is_no_library_is_installed_whole(content: bytes, tmp_path: Path, make_wheel: MakeWheel) -> None:
     install([make_wheel("pybullet", files={"a.so": content})], tmp_path / "wheels", target(tmp_path / "env"))
     assert (tmp_path / "env/site-packages/a.so").read_bytes() == content

@@ -1,13 +1,19 @@
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import click
 import pytest
 
+from sim_action import load
 from sim_action.app import catalogue
-from sim_action.app.catalogue import explanation, fields, names, overview
+from sim_action.app.catalogue import explanation, fields, guide, names, overview
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.core.errors import UsageError
+from sim_action.sensors import SENSORS
+from tests.integration.conftest import sim_action
 
 
 def test_every_assertion_and_command_is_listed_with_a_sentence_and_its_fields() -> None:
@@ -89,3 +95,33 @@ def test_the_overview_has_every_name_and_others_are_told_with_the_nearest() -> N
     assert all(name in overview() for name in names())
     with pytest.raises(UsageError, match=r"no part of a scenario is called 'uprigt'; did you mean 'upright'\?"):
         explanation("uprigt", 80)
+
+
+def written(folder: Path) -> list[Path]:
+    """Write the examples of the guide into a folder."""
+    (folder / "controller.py").write_text(re.findall(r"```python\n(.*?)```", guide(), re.DOTALL)[0])
+    paths = []
+    for number, text in enumerate(re.findall(r"```yaml\n(.*?)```", guide(), re.DOTALL)):
+        paths.append(folder / f"{number}.sim.yml")
+        paths[-1].write_text(text)
+    return paths
+
+
+def test_the_guide_is_short_and_names_every_part() -> None:
+    text = guide()
+    assert len(text.split()) <= 6_000
+    assert [name for table in (ASSERTIONS, COMMANDS, SENSORS) for name in table if f"**{name}**: " not in text] == []
+
+
+def test_the_examples_of_the_guide_are_valid(tmp_path: Path) -> None:
+    paths = written(tmp_path)
+    assert len(paths) == 10
+    assert all(load(path) for path in paths)
+
+
+@pytest.mark.soak
+@pytest.mark.process
+def test_the_examples_of_the_guide_pass(tmp_path: Path) -> None:
+    written(tmp_path)
+    ran = sim_action(tmp_path, "run", "--strict", "--no-report", ".")
+    assert ran.returncode == 0, ran.stdout

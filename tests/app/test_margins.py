@@ -177,9 +177,7 @@ PUSHED = box("force: [3, 0, 0], for: 2 s") + "backend: mujoco\n"
 
 
 @pytest.mark.process
-def test_a_demand_that_is_missed_fails_alike_with_one_and_two_jobs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missed_demand_fails_alike_with_one_and_two_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mujoco")
     demands = ("--at-least", "friction=50%", "--factor", "latency", "--factor", "start:yaw", "--runs", "12")
     several = [
@@ -326,9 +324,7 @@ def test_margins_from_python(tmp_path: Path) -> None:
         (("--factor", "friction", "--budget", "3"), "--budget: 20 runs may be needed, 3 are allowed"),
     ],
 )
-def test_bad_options(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str
-) -> None:
+def test_bad_option(tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str) -> None:
     pytest.importorskip("mujoco")
     path = tmp_path / "one.sim.yml"
     path.write_text(f"name: one\n{PUSHED}{DRIVEN}")
@@ -346,9 +342,7 @@ def test_the_payload_of_an_arm_names_its_link(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("pose", "nominal"), [({}, 1.5), ({"yaw": 0.3}, 0.3)])
-def test_the_start_varies_from_the_heading_of_a_keyframe(
-    tmp_path: Path, pose: dict[str, float], nominal: float
-) -> None:
+def test_the_start_varies_from_that_of_a_keyframe(tmp_path: Path, pose: dict[str, float], nominal: float) -> None:
     path = tmp_path / "one.sim.yml"
     path.write_text(f"name: one\n{PUSHED}")
     loaded = load_scenario(path)

@@ -109,9 +109,7 @@ def test_scenarios_of_tests_and_documents_are_valid(text: str, validator: jsonsc
 
 
 @pytest.mark.parametrize("typo", TYPOS, ids=lambda typo: typo.wrong.strip() or f"no {typo.right.strip()}")
-def test_a_typo_is_found_or_is_for_the_loader(
-    typo: Typo, validator: jsonschema.Draft7Validator, tmp_path: Path
-) -> None:
+def test_a_typo_is_found_here_or_by_loading(typo: Typo, validator: jsonschema.Draft7Validator, tmp_path: Path) -> None:
     assert validator.is_valid(yaml.safe_load(typo.text)) is not bool(typo.message)
     path = tmp_path / "a.sim.yml"
     path.write_text(typo.text, encoding="utf-8")
@@ -186,9 +184,7 @@ def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: j
         {"name": "n", "variations": {"time_limit": [5, "6 s"], "robot.model": ["a.urdf", "b.urdf"]}},
     ],
 )
-def test_a_file_that_others_complete_need_not_be_whole(
-    file: dict[str, Any], validator: jsonschema.Draft7Validator
-) -> None:
+def test_a_file_for_others_need_not_be_whole(file: dict[str, Any], validator: jsonschema.Draft7Validator) -> None:
     validator.validate(file)
     assert not validator.is_valid(file | {"robot": {"modl": 1}})
     assert not validator.is_valid(
@@ -257,7 +253,5 @@ def test_results_are_as_their_schema_says() -> None:
         ({"policy": "a.onnx", "action": {"joints": "effort", "offset": "hom"}, "rate": 50}, False),
     ],
 )
-def test_the_keys_of_a_source_may_be_a_map(
-    commands: Any, is_valid: bool, validator: jsonschema.Draft7Validator
-) -> None:
+def test_keys_of_a_source_may_be_a_map(commands: Any, is_valid: bool, validator: jsonschema.Draft7Validator) -> None:
     assert validator.is_valid({**LEAST, "commands": commands}) == is_valid

@@ -38,7 +38,7 @@ def saved(pieces: list[str], file: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(watch, "_sleep", sleep)
 
 
-def test_what_is_saved_in_pieces_is_waited_for(
+def test_saved_pieces_are_awaited(
     watched: _Watched, interruption: Interruption, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (file,) = watched.files

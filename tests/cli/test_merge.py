@@ -111,9 +111,7 @@ def test_what_could_not_be_loaded_takes_no_name_from_a_trace() -> None:
         ("recordings", ("recordings/a.sh", "../../secret.csv", "recordings/gone.tum")),
     ],
 )
-def test_a_file_that_is_not_beside_its_results_is_left_out_and_that_is_told(
-    workspace: Path, kind: str, forged: str | tuple[str, ...]
-) -> None:
+def test_a_file_that_lies_elsewhere_is_left_out(workspace: Path, kind: str, forged: str | tuple[str, ...]) -> None:
     for name in ("secret", "secret.csv"):
         (workspace / name).write_text("secret")
     path = shard(1, outcome("a.sim.yml", trace=None if kind == "trace" else "traces/a.npz"), total=1)
@@ -132,9 +130,7 @@ def test_a_file_that_is_not_beside_its_results_is_left_out_and_that_is_told(
     assert [folder.name for folder in Path("joined").glob("*s") if folder.is_dir()] == ["traces"] * (kind != "trace")
 
 
-def test_of_shards_that_were_alike_the_longest_is_waited_for_and_nothing_is_told(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_of_equal_shards_the_longest_is_waited_for_and_nothing_told(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), outcome("c"))
     shard(2, outcome("b"))
     assert merge_results(request()) is ExitCode.PASSED
@@ -159,9 +155,7 @@ def test_shards_that_were_not_alike_are_not_called_so(capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == told
 
 
-def test_a_version_that_a_stranger_made_up_is_a_short_line_of_text(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_made_up_version_is_cut(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a"), outcome("c"))
     path = shard(2, outcome("b"))
@@ -176,9 +170,7 @@ def test_a_version_that_a_stranger_made_up_is_a_short_line_of_text(
     assert len(line) < 300
 
 
-def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_shard_is_in_all_reports(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT"):
         monkeypatch.setenv(name, name)
     shard(1, outcome("a"), outcome("c"))
@@ -189,9 +181,7 @@ def test_a_missing_shard_is_in_every_report_and_in_the_exit_code(
     assert "shard 2 of 2 returned no results; 1 of 3 scenarios have none" in capsys.readouterr().out
 
 
-def test_only_what_no_shard_has_annotated_is_annotated(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_only_new_errors_are_annotated(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a", holds=False), outcome("c"))
     listing = Listing([source("a"), source("b.sim.yml"), source("c")], [])
@@ -201,9 +191,7 @@ def test_only_what_no_shard_has_annotated_is_annotated(
     assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard returned a result")
 
 
-def test_annotations_of_what_is_of_no_file_name_none(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_annotations_of_no_file_name_none(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     shard(1, outcome("a"), outcome("c"))
     merge_results(request())
@@ -367,9 +355,7 @@ def test_one_scenario_reports_how_far_it_came() -> None:
         ("[" * 100_000, "Invalid JSON"),
     ],
 )
-def test_a_shard_that_is_not_valid_costs_no_other(
-    content: str, reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_invalid_shard_costs_no_other(content: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a.sim.yml"), outcome("c.sim.yml"))
     Path("shards/2").mkdir()
     Path("shards/2/results.json").write_text(content, encoding="latin-1")

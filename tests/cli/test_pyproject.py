@@ -218,9 +218,7 @@ def seeds(folder: Path, *arguments: str) -> list[int | None]:
 
 
 @pytest.mark.process
-def test_a_flag_comes_before_a_variable_before_the_file_before_the_scenario(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_flags_come_before_variables_file_and_scenario(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "suite/a.sim.yml").write_text(LEAST + "seed: 1\n")
     (folder / "suite/deep/b.sim.yml").write_text(LEAST + "seed: 1\n")
     assert seeds(folder) == [1, 1]

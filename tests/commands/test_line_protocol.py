@@ -134,9 +134,7 @@ def test_last_words_are_its_own_and_not_without_end(tmp_path: Path) -> None:
     assert error.details.splitlines() == [f"line {n}" for n in range(9980, 10_000)]
 
 
-def test_what_it_says_on_standard_error_is_passed_on_also_after_the_end(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_its_standard_error_is_passed_on_also_at_the_end(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with running("print('hello', file=sys.stderr)\n" + ECHO, tmp_path) as lockstep:
         lockstep.ask(b"x", LIMIT)
     assert "hello\n" in capfd.readouterr().err

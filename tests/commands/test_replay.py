@@ -101,9 +101,7 @@ def test_of_a_log_of_many_joints_those_that_are_named_move(tmp_path: Path) -> No
         ("type", bags.JOINTS, "but the scenario requires sensor_msgs/msg/JointState"),
     ],
 )
-def test_what_a_log_of_ros_does_not_hold_is_told_when_it_is_opened(
-    key: str, value: object, message: str, tmp_path: Path
-) -> None:
+def test_what_a_log_does_not_hold_is_told_when_it_opens(key: str, value: object, message: str, tmp_path: Path) -> None:
     ros1_bag(tmp_path / "a.bag", drive(TWISTS))
     with pytest.raises(RecordingError) as raised:
         given_at(0.0, tmp_path, **{"replay": "a.bag", "topic": "/cmd_vel", key: value})
@@ -161,9 +159,7 @@ CSV_PROBLEMS = [
 
 
 @pytest.mark.parametrize(("keys", "place", "message"), CSV_PROBLEMS)
-def test_what_is_wrong_with_csv_is_told_at_load(
-    keys: dict[str, object], place: str, message: str, tmp_path: Path
-) -> None:
+def test_mistakes_in_csv_are_told_at_load(keys: dict[str, object], place: str, message: str, tmp_path: Path) -> None:
     bags.csv_file(tmp_path / "a.csv", TWISTS)
     (tmp_path / "bad.csv").write_text("time,linear\n0,1\n1,fast\n")
     (tmp_path / "wheels.csv").write_text(WHEELS_CSV)
@@ -190,9 +186,7 @@ ROS_PROBLEMS = [
 
 
 @pytest.mark.parametrize(("keys", "message"), ROS_PROBLEMS)
-def test_what_can_be_told_of_a_log_of_ros_without_reading_it(
-    keys: dict[str, object], message: str, tmp_path: Path
-) -> None:
+def test_what_is_told_of_a_log_without_reading_it(keys: dict[str, object], message: str, tmp_path: Path) -> None:
     for name in ("a.bag", "notes.txt", "a%2f.db3"):
         (tmp_path / name).write_bytes(b"not read")
     (tmp_path / "folder").mkdir()
@@ -439,9 +433,7 @@ def test_speeds_that_some_rows_lack_are_compared_too(first: str, tmp_path: Path)
 
 @pytest.mark.parametrize(("lowest", "wraps"), [(-math.pi, True), (0.0, True), (-9.0, False)])
 @pytest.mark.parametrize("speed", [7.0, -7.0])
-def test_angles_of_a_continuous_joint_within_one_turn_go_on(
-    lowest: float, wraps: bool, speed: float, tmp_path: Path
-) -> None:
+def test_angles_of_a_continuous_joint_go_on(lowest: float, wraps: bool, speed: float, tmp_path: Path) -> None:
     angles = [speed * n / 20 for n in range(61)]
     values = [(angle - lowest) % math.tau + lowest for angle in angles]
     rows = "".join(f"{n / 20:.3f},{value:.4f}\n" for n, value in enumerate(values))
@@ -498,9 +490,7 @@ JOINT_ROWS = st.lists(st.tuples(st.floats(0, 5), CELLS, CELLS, st.floats(-9, 9))
 
 @settings(examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(JOINT_ROWS, st.floats(-3, 3), st.sampled_from(["240 Hz", "10 Hz"]))
-def test_any_rows_of_joints_give_finite_targets(
-    tmp_path: Path, rows: list[tuple[float, ...]], offset: float, rate: str
-) -> None:
+def test_any_rows_give_finite_targets(tmp_path: Path, rows: list[tuple[float, ...]], offset: float, rate: str) -> None:
     header = "time,position.wheel_left_joint,velocity.wheel_left_joint,velocity.wheel_right_joint"
     lines = [",".join("" if cell is None else repr(cell) for cell in row) for row in rows]
     (tmp_path / "a.csv").write_text("\n".join([header, *lines, ""]))

@@ -89,9 +89,7 @@ def test_figures_may_have_units_and_may_be_left_out(tmp_path: Path) -> None:
         ("[{x: 1, y: 2}]", "tolerance: 1e-320", "more than the tolerance of 1e-320 m; set a larger tolerance"),
     ],
 )
-def test_a_path_to_nowhere_is_refused_with_its_place(
-    waypoints: str, figures: str, message: str, tmp_path: Path
-) -> None:
+def test_a_path_to_nowhere_is_told_at_its_place(waypoints: str, figures: str, message: str, tmp_path: Path) -> None:
     (problem,) = told(tmp_path, SCENARIO.format(waypoints=waypoints, figures=figures))
     assert message in problem
 
@@ -314,9 +312,7 @@ mobilities = st.builds(
 
 @settings(deadline=None)
 @given(anywhere, angles, mobilities)
-def test_who_turns_in_place_passes_any_waypoints_and_rests_at_the_last(
-    waypoints: list[Point], yaw: float, mobility: Mobility
-) -> None:
+def test_who_turns_in_place_passes_any_waypoints(waypoints: list[Point], yaw: float, mobility: Mobility) -> None:
     robot = Robot(mobility, yaw=yaw)
     seconds = 3 * length(robot.origin, waypoints) / PURSUIT.speed + 10 * (len(waypoints) + 1)
     places = [place for place, _ in driven(robot, waypoints, PURSUIT, seconds)]

@@ -46,7 +46,7 @@ def test_every_error_has_the_exit_code_that_the_module_draws(error: type[errors.
         ((2,), {"is_interrupted": True}, 130),
     ],
 )
-def test_the_first_of_130_3_2_and_1_is_the_exit_code_of_a_command(
+def test_the_first_of_130_3_2_and_1_is_the_exit_code(
     parts: tuple[int, ...], stated: dict[str, bool], code: int
 ) -> None:
     assert ExitCode.of_command(parts, **stated) is ExitCode(code)

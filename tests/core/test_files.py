@@ -30,9 +30,7 @@ from sim_action.core.files import (
 
 
 @pytest.mark.parametrize("has_flag", [True, False])
-def test_a_link_is_followed_only_if_that_is_asked_for(
-    has_flag: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_link_is_followed_only_if_asked(has_flag: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not has_flag:  # as on Windows
         monkeypatch.delattr(os, "O_NOFOLLOW", raising=False)
     (tmp_path / "file").write_text("text")
@@ -80,9 +78,7 @@ def write_half(path: Path) -> None:
         file.write("\ud800".encode())
 
 
-def test_on_windows_a_file_that_is_being_read_is_replaced_when_it_has_been(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_windows_a_file_is_replaced_when_it_has_been_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readers = iter([True, True, False])
     replace = Path.replace
 

@@ -256,9 +256,7 @@ def test_a_git_that_does_not_answer_is_ended(root: Path, tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize("printed", ["nonsense", "? a", "H 100644 12 0\\ta\\0nonsense"])
-def test_an_unknown_form_of_the_list_is_refused(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: str
-) -> None:
+def test_an_unknown_list_is_refused(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, printed: str) -> None:
     (tmp_path / "git").write_text(f"#!{sys.executable}\nprint('{printed}', end='')\n")
     (tmp_path / "git").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)

@@ -105,9 +105,7 @@ def test_a_package_that_is_found_twice_counts_once(site: Path, tmp_path: Path, m
         (ASSERTION.replace("def monitor", "def other"), "a_still:Still has no monitor"),
     ],
 )
-def test_a_class_that_cannot_be_used_is_a_problem_at_its_place(
-    code: str, told: str, site: Path, tmp_path: Path
-) -> None:
+def test_a_class_that_is_wrong_is_a_problem_at_its_place(code: str, told: str, site: Path, tmp_path: Path) -> None:
     install_assertion(site, "a-still", code)
     (problem,) = problems(tmp_path, "{still: {}}")
     assert problem.startswith("expect.0.still: 'still' of a-still 1.0")
@@ -218,9 +216,7 @@ def test_a_command_source_has_keys_of_its_own_beside_those_of_all(site: Path, tm
         ("sway", "swy: 1.0", "unknown command 'swy'; did you mean 'sway'?"),
     ],
 )
-def test_a_command_source_that_cannot_be_used_is_refused(
-    site: Path, tmp_path: Path, field: str, commands: str, message: str
-) -> None:
+def test_a_wrong_command_source_is_refused(site: Path, tmp_path: Path, field: str, commands: str, message: str) -> None:
     install_source(site, field)
     (problem, *_) = problems(tmp_path, f"no_collision]\ncommands: {{{commands}}}\nsensors: [", Permissions())
     assert message in problem

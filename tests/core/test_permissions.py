@@ -193,9 +193,7 @@ FOLLOWS_PULL = CONFIG.format("x") + '[branch "main"]\n\tmerge = refs/pull/7/head
 
 
 @pytest.mark.parametrize("files", [{"FETCH_HEAD": OF_PULL}, {"FETCH_HEAD": OF_UPSTREAM}, {"config": FOLLOWS_PULL}])
-def test_fetches_mean_nothing_where_the_commit_of_the_event_is_checked_out(
-    files: dict[str, str], tmp_path: Path
-) -> None:
+def test_fetches_mean_nothing_at_the_commit_of_the_event(files: dict[str, str], tmp_path: Path) -> None:
     """Tools fetch pull requests for a changelog, or the repository of which this is a fork."""
     here = repository(tmp_path, "ref: refs/heads/main", refs__heads__main=OWN, **files)
     assert sign(here) is None
@@ -275,9 +273,7 @@ def test_what_git_does_not_fetch_from_is_no_sign(tmp_path: Path) -> None:
         ("https://github.com/evil/repo", "https://[", True),
     ],
 )
-def test_an_owner_counts_on_the_server_of_the_job_and_on_public_ones(
-    address: str, server: str, counts: bool, tmp_path: Path
-) -> None:
+def test_owners_count_on_the_jobs_and_public_servers(address: str, server: str, counts: bool, tmp_path: Path) -> None:
     here = repository(tmp_path, config=CONFIG.format(address))
     assert (sign(here, GITHUB_SERVER_URL=server) is not None) is counts
 

@@ -53,9 +53,7 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return root
 
 
-def test_the_first_program_on_the_path_is_found(
-    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_program_on_path_counts(workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     second, third = program(tmp_path / "second"), program(tmp_path / "third")
     (tmp_path / "first/git").mkdir(parents=True)
     program(tmp_path / "zeroth").chmod(0o644)
@@ -85,9 +83,7 @@ def test_a_program_of_the_workspace_is_never_found(
     assert program_on_path("git", *([workspace] if boundary == "argument" else [])) == own
 
 
-def test_a_program_of_the_current_folder_is_never_found(
-    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_of_the_folder_is_not_found(workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(workspace))
     assert program_on_path("git", tmp_path / "other") is None
     # Folders below it may be those of the system: the current folder may be /.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -20,25 +21,13 @@ def test_an_unknown_name_is_a_key_error() -> None:
         COLOURS.load("blue")
 
 
-@pytest.mark.parametrize("name", list(ASSERTIONS))
-def test_every_assertion_is_one_and_knows_its_key(name: str) -> None:
-    assertion = ASSERTIONS.load(name)
-    assert issubclass(assertion, Assertion)
-    assert assertion.key == name
-
-
-@pytest.mark.parametrize("name", list(COMMANDS))
-def test_every_command_has_a_field_of_its_key(name: str) -> None:
-    command = COMMANDS.load(name)
-    assert issubclass(command, CommandSource)
-    assert name in {field.alias or key for key, field in command.model_fields.items()}
-
-
-@pytest.mark.parametrize("name", list(DRIVES))
-def test_every_drive_is_one_and_knows_its_key(name: str) -> None:
-    drive = DRIVES.load(name)
-    assert issubclass(drive, Drive)
-    assert drive.key == name
+@pytest.mark.parametrize(("table", "base"), [(ASSERTIONS, Assertion), (COMMANDS, CommandSource), (DRIVES, Drive)])
+def test_every_part_is_of_its_base_and_knows_its_key(table: Table[Any], base: type) -> None:
+    for name in table:
+        part = table.load(name)
+        assert issubclass(part, base)
+        assert part.key == name
+        assert table is not COMMANDS or name in {field.alias or key for key, field in part.model_fields.items()}
 
 
 @pytest.mark.process

@@ -142,9 +142,7 @@ def test_values_are_displayed_as_people_read_them(value: float, unit: str, text:
         (0.000123, 0.0001231, ("0.000123 m", "0.0001231 m")),
     ],
 )
-def test_a_value_that_differs_from_its_limit_looks_different(
-    value: float, limit: float, texts: tuple[str, str]
-) -> None:
+def test_a_value_that_is_not_its_limit_looks_different(value: float, limit: float, texts: tuple[str, str]) -> None:
     assert display_apart(value, limit, "m") == texts
 
 

@@ -201,9 +201,7 @@ def test_deep_code_shows_no_parameters(tmp_path: Path) -> None:
     ("module", "name", "value"),
     [("json", "dumps", None), ("numpy", "asarray", max), ("numpy.linalg", "norm", None), ("os", "getlogin", len)],
 )
-def test_code_that_replaced_what_we_use_is_the_fault(
-    module: str, name: str, value: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_replaced_functions_are_the_fault(module: str, name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     shared = SharedModules()
     monkeypatch.setattr(sys.modules[module], "an_addition", max, raising=False)
     assert shared.fault(TypeError("x")) is None

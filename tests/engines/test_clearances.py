@@ -85,7 +85,7 @@ def test_a_wheel_that_is_round_about_its_axle_stays_where_it_is() -> None:
 
 
 @given(poses, st.tuples(angles, angles), directions, st.floats(0.01, 1), st.floats(0.01, 1))
-def test_no_point_of_a_wheel_thatswing_per_turns_comes_farther_away(
+def test_no_point_of_a_wheel_that_turns_comes_farther_away(
     mounted: Pose, turns: tuple[float, float], axis: Vector3, radius: float, half: float
 ) -> None:
     length = math.hypot(*axis)
@@ -105,9 +105,7 @@ def test_no_point_of_a_wheel_thatswing_per_turns_comes_farther_away(
 
 
 @pytest.mark.parametrize(("limits", "turned"), [((-0.5, 0.25), 0.55 * 2 * math.sqrt(2)), ((None, None), math.inf)])
-def test_what_slides_is_as_far_away_as_its_limits_let_it(
-    limits: tuple[float | None, float | None], turned: float
-) -> None:
+def test_what_slides_is_as_far_as_its_limits_let_it(limits: tuple[float | None, float | None], turned: float) -> None:
     model = burger()
     slide = Joint("slide", "prismatic", model.root, "hand", Pose(), (1.0, 0.0, 0.0), *limits)
     hand = replace(model.links_by_name[model.root], name="hand")

@@ -7,19 +7,25 @@ import math
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.engines import ENGINES, EngineRow
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Body, Physics, World
+from tests import traces
 from tests.engines.fake.engine import ROW
 from tests.integration.engines import BALL, LOPSIDED, advance, at, mechanism, one_link, running, scene_of
+from tests.soak import examples
 
 
 @pytest.fixture(params=[*ENGINES, "fake"])
@@ -118,6 +124,35 @@ def test_every_query_has_an_answer(engine: str, tmp_path: Path) -> None:
         )
         assert backend.link_twist("part").angular_xyz == pytest.approx((0, 0, 1), abs=1e-2)
         assert backend.cast_rays((0, 0, 50), np.array([[1.0, 0, 50]])).tolist() == [math.inf]
+
+
+TURN = JointTargets(velocity={"wheel_left_joint": 3.0, "wheel_right_joint": 9.0})
+STEPS = 40
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+@examples(4)
+@given(cuts=st.sets(st.integers(1, STEPS - 1)), ticks=st.sets(st.integers(1, STEPS - 1)))
+def test_states_are_the_same_however_they_are_collected(engine: str, cuts: set[int], ticks: set[int]) -> None:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+
+    def states(cuts: set[int]) -> list[Trace]:
+        parts = []
+        with running(engine, traces.scene()) as backend:
+            assert not len(backend.collect())
+            moments = sorted({0, STEPS} | cuts | ticks)
+            for first, last in pairwise(moments):
+                backend.advance(first, [None if first else TURN, *[None] * (last - first - 1)])
+                # The last kept row is the present state.
+                seen = Trace.of_observation(backend.observe(last, contacts=False)).state
+                if last in cuts or last == STEPS:
+                    parts.append(backend.collect())
+                    assert np.array_equal(parts[-1].state[-1:], seen)
+        return parts
+
+    whole, pieces = states(set()), states(cuts)
+    assert [len(whole), len(pieces)] == [1, len(cuts) + 1]
+    assert np.array_equal(whole[0].state, Trace.concatenate(pieces).state)
 
 
 # Adds a row to the source of the table, as a developer would, before anything reads the table.

@@ -151,9 +151,7 @@ def pytest_runtest_teardown(item):
 """
 
 
-def test_failed_expectations_are_assertion_errors_and_missing_verdicts_are_not(
-    pytester: pytest.Pytester, run: Run
-) -> None:
+def test_failed_expectations_are_assertion_errors_and_other_ends_not(pytester: pytest.Pytester, run: Run) -> None:
     """Other plugins tell a test that failed from one that is broken by it."""
     crash = DRIVES.replace("twist: [{linear: 1.0}]", "script: it.py").replace("burger drives", "crash")
     write(pytester, a=DRIVES, b=STUCK, c=crash, d=GATE.replace("at_least: 50 %", "at_least: 80 %"))

@@ -86,9 +86,7 @@ def child(folder: Path, text: str = SCENARIO) -> Gone:
         (BY_SCRIPT, "a stuck controller or a limit that is too low", 5),
     ],
 )
-def test_a_wall_limit_names_what_may_be_stuck_and_the_key_to_change(
-    tmp_path: Path, text: str, why: str, line: int
-) -> None:
+def test_a_wall_limit_names_what_may_be_stuck_and_its_key(tmp_path: Path, text: str, why: str, line: int) -> None:
     stuck = child(tmp_path, text)
     (failure,) = outcome_of(stuck, "wall limit").failures
     seconds = stuck.job.loaded.scenario.wall_seconds
@@ -142,9 +140,7 @@ def test_a_line_that_did_not_return_is_named(tmp_path: Path, deleted: bool) -> N
         (-99, "crash", "signal 99", "was ended by signal 99"),
     ],
 )
-def test_an_end_without_a_verdict_has_a_cause(
-    tmp_path: Path, ending: Ending, kind: str, title: str, message: str
-) -> None:
+def test_an_end_without_verdict_is_told(tmp_path: Path, ending: Ending, kind: str, title: str, message: str) -> None:
     (failure,) = outcome_of(child(tmp_path, BY_SCRIPT), ending).failures
     assert (failure.kind, failure.title, failure.location) == (kind, title, None)
     assert message in failure.message
@@ -193,9 +189,7 @@ def test_processes_that_were_left_behind_are_counted(tmp_path: Path, left: int, 
 
 
 @pytest.mark.parametrize("error", [OSError(errno.EMFILE, "Too many open files"), ImportError("no metadata")])
-def test_an_outcome_needs_no_file_of_this_process(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
+def test_an_outcome_needs_no_file_of_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     """It may have no descriptor left; only the version and the provenance are missing then."""
     for name in ("named_version", "engine_provenance"):
         monkeypatch.setattr(f"sim_action.runner.child_outcome.{name}", Mock(side_effect=error))

@@ -123,18 +123,14 @@ def test_what_nobody_asked_is_told_and_fails_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("more", "severity"), [("", "warning"), (ASKED, "error")])
-def test_verdicts_that_differ_are_a_warning_unless_agreement_was_asked(
-    more: str, severity: str, tmp_path: Path
-) -> None:
+def test_verdicts_that_differ_warn_unless_agreement_was_asked(more: str, severity: str, tmp_path: Path) -> None:
     _, (verdicts, *_) = held_against(tmp_path, NEAR, more, holds=False)
     assert (verdicts.verdict.passed, verdicts.severity) == (False, severity)
     assert verdicts.verdict.message == "'travel' passes in pybullet 1.0 and fails in mujoco 1.0"
 
 
 @pytest.mark.parametrize(("more", "unexercised"), [("", "error"), (f"{ASKED}\nunexercised: warn", "warn")])
-def test_an_expectation_that_one_engine_never_judged_is_a_different_verdict(
-    more: str, unexercised: str, tmp_path: Path
-) -> None:
+def test_an_expectation_that_one_engine_never_judged_differs(more: str, unexercised: str, tmp_path: Path) -> None:
     first, second = ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR)
     unread = second.expectations[0].model_copy(update={"verdict": Verdict(False, judged=Judged())})
     second = second.model_copy(update={"status": "not_exercised", "expectations": (unread,)})
@@ -217,9 +213,7 @@ def test_a_robot_that_stops_earlier_in_one_engine_is_compared_until_then(tmp_pat
     ids=["other times", "no numbers", "empty", "other joints"],
 )
 @pytest.mark.parametrize(("more", "status"), [("", "passed"), (ASKED, "not_exercised")])
-def test_a_motion_that_cannot_be_compared_agrees_with_none(
-    more: str, status: str, forged: MotionRecord, tmp_path: Path
-) -> None:
+def test_an_incomparable_motion_agrees_with_none(more: str, status: str, forged: MotionRecord, tmp_path: Path) -> None:
     last, added = held_against(tmp_path, forged, more)
     assert last.status == status
     assert [one.status for one in added] == ["passed", *(["not_exercised"] * 2 if more else [])]

@@ -46,9 +46,7 @@ ERROR = "b3Error[examples/Importers/urdf.cpp,9]:\nmissing link"
         ("b3Warning without a place", (), "b3Warning without a place"),
     ],
 )
-def test_messages_are_told_from_what_else_was_printed(
-    text: str, diagnostics: tuple[tuple[str, str], ...], rest: str
-) -> None:
+def test_messages_are_told_from_other_output(text: str, diagnostics: tuple[tuple[str, str], ...], rest: str) -> None:
     found, output = split_output(text)
     assert tuple((diagnostic.level, diagnostic.message) for diagnostic in found) == diagnostics
     assert output == rest

@@ -24,7 +24,7 @@ from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from tests.pool import execute
 
-SCENARIO = "name: {name}\nrobot: {{model: turtlebot3_burger}}\nexpect: [upright]\ntime_limit: 1 s\n"
+SCENARIO = "name: '{name}'\nrobot: {{model: turtlebot3_burger}}\nexpect: [upright]\ntime_limit: 1 s\n"
 
 
 class Waiting(ChildProcess):
@@ -75,18 +75,12 @@ class Listener:
             self.told.append(f"{event.outcome.name} is done")
 
 
-def test_each_child_is_looked_at_while_those_before_it_still_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_child_is_looked_at_while_earlier_ones_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Waiting, "ended", [])
     monkeypatch.setattr(Waiting, "looks", 0)
-    loaded = []
-    for name in "012":
-        (tmp_path / f"{name}.sim.yml").write_text(SCENARIO.format(name=f"'{name}'"))
-        loaded.append(load_scenario(tmp_path / f"{name}.sim.yml"))
     listener = Listener()
     with Interruption() as interruption:
-        outcomes = execute(loaded, tmp_path, 3, listener, interruption, child_type=Waiting)
+        outcomes = execute(loaded(tmp_path, "012"), tmp_path, 3, listener, interruption, child_type=Waiting)
     assert [outcome.name for outcome in outcomes] == ["0", "1", "2"]
     assert Waiting.ended == ["2", "1", "0"]
     assert [told for told in listener.told if told.endswith("done")] == ["2 is done", "1 is done", "0 is done"]
@@ -117,16 +111,10 @@ class Ended(Waiting):
 
 
 @pytest.mark.parametrize("number", range(1, 12))
-def test_an_interruption_at_any_moment_leaves_an_outcome_for_each_scenario(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
-) -> None:
+def test_an_interruption_leaves_each_an_outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     monkeypatch.setattr(Waiting, "ended", [])
-    loaded = []
-    for name in ("a", "b", "c"):
-        (tmp_path / f"{name}.sim.yml").write_text(SCENARIO.format(name=name))
-        loaded.append(load_scenario(tmp_path / f"{name}.sim.yml"))
     with InterruptedAtLook(number) as interruption:
-        outcomes = execute(loaded, tmp_path, 1, Listener(), interruption, child_type=Ended)
+        outcomes = execute(loaded(tmp_path, "abc"), tmp_path, 1, Listener(), interruption, child_type=Ended)
     assert [outcome.name for outcome in outcomes] == ["a", "b", "c"]
 
 
@@ -194,7 +182,7 @@ def titles(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 @pytest.mark.parametrize("error", [refusal(errno.EMFILE), refusal(errno.EAGAIN), MemoryError()])
-def test_a_start_that_is_refused_is_tried_again_once_another_child_has_ended(
+def test_a_refused_start_waits_for_an_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     outcomes, pauses = started(tmp_path, "abcdef", [None, None, error, None], monkeypatch)
@@ -203,9 +191,7 @@ def test_a_start_that_is_refused_is_tried_again_once_another_child_has_ended(
     assert Refused.ended == list("abcdef")
 
 
-def test_a_start_that_is_refused_while_nothing_runs_is_tried_again_after_a_pause(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_start_is_tried_again_after_a_pause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     outcomes, pauses = started(tmp_path, "ab", [refusal(errno.EAGAIN)] * 3 + [None], monkeypatch)
     assert "not started" not in titles(outcomes)
     assert pauses == 3
@@ -227,9 +213,7 @@ def test_a_scenario_starts_although_the_one_before_could_not(tmp_path: Path, mon
     assert Refused.ended == ["b"]
 
 
-def test_with_fail_fast_a_scenario_that_cannot_start_is_the_last(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_with_fail_fast_a_scenario_that_cannot_start_is_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Refused, "script", [refusal(errno.EMFILE)])
     with Patient() as patient:
         outcomes = execute(
@@ -261,9 +245,7 @@ def test_a_child_that_cannot_begin_starts_again(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("fail_fast", [False, True])
-def test_a_child_that_never_can_begin_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail_fast: bool
-) -> None:
+def test_a_child_without_begin_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail_fast: bool) -> None:
     for name, value in (("ended", []), ("script", [None]), ("refusals", [b"", REFUSED])):
         monkeypatch.setattr(RefusedInside, name, value)
     with Patient() as patient:
@@ -301,9 +283,7 @@ def test_a_start_that_fails_half_way_leaves_nothing_open(
 
 
 @pytest.mark.parametrize("error", [refusal(errno.EMFILE), ImportError("cannot open shared object file")])
-def test_preparations_that_the_system_refuses_cost_no_verdict(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
+def test_refused_preparations_cost_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     monkeypatch.setattr(Waiting, "ended", [])
     with Patient() as patient:
         execute(

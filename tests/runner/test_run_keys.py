@@ -440,9 +440,7 @@ def test_its_place_is_that_of_this_call(tmp_path: Path) -> None:
     ("status", "failures", "is_taken"),
     [("passed", (), True), ("error", (CRASH,), False), ("skipped", (), False), ("failed", (), False)],
 )
-def test_only_valid_verdicts_count(
-    call: Call, status: Status, failures: tuple[Failure, ...], *, is_taken: bool
-) -> None:
+def test_valid_verdicts_count(call: Call, status: Status, failures: tuple[Failure, ...], *, is_taken: bool) -> None:
     expectations = call.outcome(0).expectations if status in ("passed", "failed") else ()
     changed = call.outcome(0, status=status, failures=failures, expectations=expectations)
     call.journal(Finished(0, changed, "key of a"))
@@ -554,9 +552,7 @@ def test_a_key_of_repetitions_is_that_of_all(tmp_path: Path) -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, 5_000), byte=st.integers(0, 255))
-def test_a_changed_byte_is_no_traceback_and_no_other_verdict(
-    tmp_path_factory: pytest.TempPathFactory, place: int, byte: int
-) -> None:
+def test_a_changed_byte_makes_no_other_verdict(tmp_path_factory: pytest.TempPathFactory, place: int, byte: int) -> None:
     call = Call(tmp_path_factory.mktemp("call"), ("a",))
     call.journal(Finished(0, call.outcome(0), "key of a"))
     journal = call.folder / JOURNAL_FILE

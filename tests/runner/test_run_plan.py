@@ -89,9 +89,7 @@ def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str 
 @pytest.mark.parametrize(
     ("more", "backend", "compared"), [("", "all", 2), ("agreement: {yaw: 1}", None, 2), ("", None, 0)]
 )
-def test_only_runs_on_several_engines_are_compared(
-    more: str, backend: str | None, compared: int, tmp_path: Path
-) -> None:
+def test_runs_on_several_engines_are_compared(more: str, backend: str | None, compared: int, tmp_path: Path) -> None:
     assert sum(run.compared for run in engine_runs(loaded(tmp_path, more), backend)) == compared
 
 
@@ -116,9 +114,7 @@ def test_a_run_of_too_many_steps_is_not_compared(tmp_path: Path) -> None:
         ("agreement: {yaw: 1}", "4:1: agreement: a comparison needs two engines; installed: pybullet"),
     ],
 )
-def test_an_engine_that_the_file_asks_for_and_is_not_there_is_told_on_its_line(
-    more: str, message: str, tmp_path: Path
-) -> None:
+def test_an_engine_that_the_file_asks_for_is_told_on_its_line(more: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match=r"stands\.sim\.yml:4:1") as refused:
         engines(tmp_path, more)
     assert message in str(refused.value.problems[0])
@@ -193,9 +189,7 @@ ARM = """\
         ("{links: {tip: {position: 1 cm}}, joints: {elbow: 1 deg}}", None),
     ],
 )
-def test_the_agreement_of_a_fixed_robot_is_about_parts_that_move(
-    agreement: str, message: str | None, tmp_path: Path
-) -> None:
+def test_agreement_of_a_fixed_robot_is_about_moving_parts(agreement: str, message: str | None, tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     path = tmp_path / "arm.sim.yml"
     path.write_text(

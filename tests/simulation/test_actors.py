@@ -19,8 +19,9 @@ from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import simulate
 from sim_action.simulation.recorder import RunRecorder
+from tests.simulated import simulated as run
 
 ENGINES = ("pybullet", "mujoco")
 
@@ -49,13 +50,6 @@ world:
 expect: {expect}
 time_limit: 9 s
 """
-
-
-def run(folder: Path, text: str) -> SimulationRun:
-    path = folder / "two.sim.yml"
-    path.write_text(text, encoding="utf-8")
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

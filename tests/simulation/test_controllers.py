@@ -24,6 +24,7 @@ from sim_action.state.command import NO_PUSH, Command, JointTargets, LinkWrench
 from sim_action.state.observation import Observation
 from tests.commands.test_pose import mobile
 from tests.scenarios import LEAST, load, told
+from tests.simulated import simulated
 from tests.traces import START
 
 COMMANDS = "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
@@ -149,9 +150,7 @@ def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path)
         ((script("left"), "{twist: [{linear: 1}]}"), "wheel_left_joint"),
     ],
 )
-def test_two_sources_for_one_joint_are_an_error_that_names_it(
-    sources: tuple[str, ...], joint: str, tmp_path: Path
-) -> None:
+def test_two_sources_for_one_joint_are_an_error(sources: tuple[str, ...], joint: str, tmp_path: Path) -> None:
     found = controls(tmp_path, *sources)
     with pytest.raises(ScriptError) as raised:
         found.plan(24, 48, look)
@@ -185,9 +184,7 @@ def test_one_source_may_take_the_wheels_over_from_the_drive(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("function", ["changed_in_place", "by_hand_in_between"])
-def test_wheels_are_told_of_a_twist_until_they_turn_as_it_says_and_again_when_they_no_longer_do(
-    tmp_path: Path, function: str
-) -> None:
+def test_wheels_are_told_of_a_twist_until_they_turn_as_it_says(tmp_path: Path, function: str) -> None:
     found = controls(tmp_path, script(function))
     ticks = [
         found.plan(step, step + 24, lambda now: Observation(now / 240, START.pose, START.twist, START.joints))
@@ -259,7 +256,6 @@ def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(
     assert (held.velocity, held.position) == (velocity, position)
 
 
-# What each of them draws moves a wheel, so that it can be seen: when it is loaded, and by its own generator.
 def test_wrenches_of_sources_add_up_and_each_source_replaces_its_own_by_link(tmp_path: Path) -> None:
     found = controls(tmp_path, script("thrust"), script("gust"))
     up, ahead = LinkWrench("base_footprint", (0.0, 0.0, 1.0)), LinkWrench("base_footprint", (2.0, 0.0, 0.0))
@@ -272,6 +268,7 @@ def test_wrenches_of_sources_add_up_and_each_source_replaces_its_own_by_link(tmp
     assert later.wrenches == (LinkWrench("base_footprint"), scan, ahead)
 
 
+# What each of them draws moves a wheel, so that it can be seen: when it is loaded, and by its own generator.
 DRAWS = """\
 import random
 from sim_action import JointTargets
@@ -336,9 +333,7 @@ def test_late_commands_take_effect_between_ticks(tmp_path: Path) -> None:
     assert given == {24: (wrench,), 48: (wrench,)}
 
 
-def test_the_same_answer_of_a_source_that_repeats_itself_is_one_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equal_answers_of_a_repeating_source_are_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = Twist.planar(0.05), Twist.planar(0.1)
     answers = iter([None, first, first, first, second, second])
     repeating = ClosedLoop(lambda _: next(answers), repeats=True)
@@ -452,9 +447,7 @@ def control(seen):
     [({"pose": {**POSE, "frame": "base"}}, True), ({"pose": POSE}, True), ({"script": "motion.py"}, False)],
     ids=["open loop", "closed loop", "script"],
 )
-def test_the_motions_of_a_source_that_an_event_starts_have_their_times(
-    source: dict[str, Any], is_again: bool, tmp_path: Path
-) -> None:
+def test_motions_that_an_event_starts_have_their_times(source: dict[str, Any], is_again: bool, tmp_path: Path) -> None:
     """A path of 1 s counts from its start; a script knows the sim time, and goes on when it is started again."""
     mobile(tmp_path)
     (tmp_path / "motion.py").write_text(MOTION)
@@ -467,9 +460,7 @@ def test_the_motions_of_a_source_that_an_event_starts_have_their_times(
         "duration": 2.5,
         "time_limit": 2.5,
     }
-    (tmp_path / "s.sim.yml").write_text(json.dumps(scenario))
-    loaded = load_scenario(tmp_path / "s.sim.yml", Permissions(outside=True))
-    trace = simulate(loaded.scenario, build_scene(loaded), lambda _: None).trace
+    trace = simulated(tmp_path, scenario, outside=True).trace
     elbow = np.interp([0.5, 1.6, 2.1, 2.5], trace.time, trace.joint_position[:, 1])
     assert elbow[[0, 2, 3]] == pytest.approx([0.5, 1.3, 1.3], abs=0.04)
     assert (elbow[1] < 1.2) == is_again

@@ -17,14 +17,14 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.reading.urdf import read_urdf
-from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import DrivenRobot
 from sim_action.simulation.guards import Watchdog
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.world import MAX_SPEED, Physics
 from tests.robot.bad_models import GOOD
+from tests.simulated import simulated
 from tests.traces import BURGER, START, WHEELS, piece, scene, trace
 
 LEFT, RIGHT = WHEELS
@@ -227,13 +227,8 @@ def control(observation):
 def pendulum(folder: Path, robot: str = "", more: str = "", shape: str = SHAPE) -> SimulationRun:
     (folder / "pendulum.urdf").write_text(PENDULUM.format(shape=shape))
     (folder / "gains.py").write_text(GAINS)
-    path = folder / "pendulum.sim.yml"
-    path.write_text(
-        f"name: pendulum\nrobot: {{model: pendulum.urdf{robot}}}\n{more}\n"
-        "expect: [{upright: {max_tilt: 179 deg}}]\ntime_limit: 2 s\n"
-    )
-    loaded = load_scenario(path)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    text = f"name: pendulum\nrobot: {{model: pendulum.urdf{robot}}}\n{more}\n"
+    return simulated(folder, f"{text}expect: [{{upright: {{max_tilt: 179 deg}}}}]\ntime_limit: 2 s\n")
 
 
 def unstable(folder: Path, robot: str = "", more: str = "", shape: str = SHAPE) -> str:

@@ -99,9 +99,7 @@ def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
         ("[{max_speed: {linear: 20 m/s}}]", "time limit"),
     ],
 )
-def test_the_length_of_a_period_changes_no_result(
-    expect: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_periods_change_no_result(expect: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The monitors see many steps at once. The end of a run may lie anywhere within such a period.
     loaded = load(tmp_path, LEAST.partition("expect:")[0] + f"expect: {expect}\ntime_limit: 2.6 s\n")
 
@@ -131,9 +129,7 @@ def test_a_run_that_looks_ahead_has_the_notes_of_its_end(faults: str, tmp_path: 
 
 
 @pytest.mark.parametrize("allowed", [False, True])
-def test_messages_of_nodes_and_reasons_why_they_may_differ(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool
-) -> None:
+def test_messages_of_nodes_are_in_the_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool) -> None:
     runs = list[SimulationRun]()
     for message in (None, b"1", b"1", b"2"):
         transcript, reasons = Transcript(), list[str]()
@@ -157,9 +153,7 @@ def test_messages_of_nodes_and_reasons_why_they_may_differ(
 
 
 @pytest.mark.parametrize("allowed", [False, True])
-def test_errors_that_nodes_logged_are_findings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool
-) -> None:
+def test_errors_of_nodes_are_findings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool) -> None:
     errors = list[str]()
 
     def command(_: Observation) -> Twist:
@@ -240,9 +234,7 @@ def test_a_run_ends_with_what_decides_it(expected: list[Expectation], end: End, 
         ([BREAKS], 8.0, "expectation failed", 6.0),
     ],
 )
-def test_a_duration_is_what_a_run_lasts_at_least(
-    expected: list[Expectation], duration: float, end: End, time: float
-) -> None:
+def test_a_run_lasts_at_least_its_duration(expected: list[Expectation], duration: float, end: End, time: float) -> None:
     assert ends(*expected, duration=duration) == (end, time)
 
 
@@ -275,7 +267,7 @@ def test_verdicts_are_those_of_the_end_though_the_block_went_on() -> None:
         pytest.param(HOLDS, None, [False, False], id="no goal"),
     ],
 )
-def test_runs_that_can_only_fail_soon_are_looked_at_less_often(
+def test_runs_that_only_fail_are_looked_at_seldom(
     expected: Expectation, duration: float | None, soon: list[bool]
 ) -> None:
     made = Panel.open(scenario(expected, duration=duration), scene(), START)

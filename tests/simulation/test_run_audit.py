@@ -11,12 +11,10 @@ from sim_action.commands.twist import TwistCommands
 from sim_action.commands.wrench import WrenchCommands
 from sim_action.core.geometry import Twist
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.run_audit import CommandLog, unreached_events
 from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.world import World
-from tests.scenarios import load
+from tests.simulated import simulated as run
 from tests.traces import expectation, scenario
 
 STANDING = """\
@@ -26,11 +24,6 @@ expect: [upright]
 duration: 0.2 s
 time_limit: 1 s
 """
-
-
-def run(folder: Path, text: str) -> SimulationRun:
-    loaded = load(folder, text)
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
 
 SIGN = "world: {objects: [{name: sign, box: [0.1, 0.1, 0.1], pose: {x: 5}}]}\n"
@@ -88,9 +81,7 @@ def control(seen):
         (0.5, "0.001", [("never-moved", "commands")]),
     ],
 )
-def test_a_joint_moves_unless_it_is_commanded_to_its_place(
-    at: float, speed: str, found: list[tuple[str, str]], tmp_path: Path
-) -> None:
+def test_a_joint_moves_unless_it_is_there(at: float, speed: str, found: list[tuple[str, str]], tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace("SPEED", speed))
     (tmp_path / "hold.py").write_text(HOLDS.replace("AT", str(at)))
     arm = STANDING.replace("turtlebot3_burger}", "arm.urdf, base: fixed}") + "allow: [fixed-base]\n"
@@ -378,9 +369,7 @@ def test_what_never_came_is_told_each_once() -> None:
         ),
     ],
 )
-def test_a_link_that_never_moved_was_checked_at_one_place(
-    expected: str, more: str, found: bool, tmp_path: Path
-) -> None:
+def test_a_link_that_never_moved_was_at_one_place(expected: str, more: str, found: bool, tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace("SPEED", "5"))
     allow = "" if "allow" in more else "allow: [fixed-base, unreachable-limit, unreachable-target]"
     robot = "name: a\nrobot: {model: arm.urdf, base: fixed, pose: {z: 1}}"

@@ -10,11 +10,12 @@ import pytest
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.sensors import ReadingLog
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.simulation.sensors import Sensing
 from sim_action.state.trace import Trace
 from tests.integration.engines import running
 from tests.scenarios import LEAST, load, told
+from tests.simulated import simulated
 
 SENSORS = "sensors:\n  - contact\n  - {contact: {}, name: left, link: wheel_left_link, rate: 16 Hz, trace: true}\n"
 SCRIPT = """\
@@ -33,8 +34,7 @@ LISTENING = LEAST.replace("  twist:\n    - {linear: 1.0}\n", "  script: ctl.py\n
 
 def run(folder: Path, text: str, engine: str) -> SimulationRun:
     (folder / "ctl.py").write_text(SCRIPT)
-    loaded = load(folder, f"{text}backend: {engine}\n")
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulated(folder, f"{text}backend: {engine}\n")
 
 
 @pytest.mark.parametrize("engine", installed())
@@ -89,30 +89,29 @@ def test_what_cannot_be_is_told_on_its_line(sensors: str, problem: str, tmp_path
 
 
 @pytest.mark.parametrize("engine", installed())
-def test_a_sensor_that_only_an_assertion_reads_is_not_stored(engine: str, tmp_path: Path) -> None:
+def test_which_readings_are_stored_seen_and_replayed(engine: str, tmp_path: Path) -> None:
     loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
     scene = build_scene(loaded)
+    more = replace(loaded.scenario.sensors[0], name="of its own", rate=80.0)
+    logs: dict[str, ReadingLog] = {}
     with running(engine, scene) as backend:
+        # A sensor that only an assertion reads is not stored.
         sensing = Sensing(loaded.scenario, scene, backend, heard=False, judged={"contact"})
         sensing.read(0)
         told = Trace.of_observation(backend.observe(0, contacts=False))
         told = replace(told, sensors=sensing.collect())
-    assert set(told.sensors) == {"contact", "left"}
-    assert set(sensing.stored(told).sensors) == {"left"}
-
-
-@pytest.mark.parametrize("engine", installed())
-def test_a_controller_may_look_at_more_than_the_scenario_has(engine: str, tmp_path: Path) -> None:
-    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
-    scene = build_scene(loaded)
-    more = replace(loaded.scenario.sensors[0], name="of its own", rate=80.0)
-    with running(engine, scene) as backend:
+        assert set(told.sensors) == {"contact", "left"}
+        assert set(sensing.stored(told).sensors) == {"left"}
+        # A controller may look at more than the scenario has; it is the controller's alone.
         sensing = Sensing(loaded.scenario, scene, backend, heard=True, more=[more])
         assert sensing.next_tick(0, 100) == 3
         sensing.read(0)
         assert set(sensing.look(0).sensors) == {"contact", "left", "of its own"}
-        # It is the controller's alone.
         assert set(sensing.collect()) == {"left"}
+        # A replay has the readings of all open sensors; nothing reads the other one.
+        Sensing(loaded.scenario, scene, backend, heard=False, logs=logs).read(0)
+    assert list(logs) == ["left"]
+    assert [reading.time for reading in logs["left"].readings] == [0.0]
 
 
 def test_a_delay_that_no_controller_meets_has_a_note(tmp_path: Path) -> None:
@@ -120,16 +119,3 @@ def test_a_delay_that_no_controller_meets_has_a_note(tmp_path: Path) -> None:
     notes = [run(tmp_path, text + late, installed()[0]).notes for text in (LEAST, LISTENING.replace("10 cm", "1 cm"))]
     said = "sensor 'left' has a delay, but no controller reads sensors"
     assert [said in each for each in notes] == [True, False]
-
-
-@pytest.mark.parametrize("engine", installed())
-def test_a_replay_has_the_readings_of_all_open_sensors(engine: str, tmp_path: Path) -> None:
-    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
-    scene = build_scene(loaded)
-    logs: dict[str, ReadingLog] = {}
-    with running(engine, scene) as backend:
-        sensing = Sensing(loaded.scenario, scene, backend, heard=False, logs=logs)
-        sensing.read(0)
-    # Nothing reads the other one.
-    assert list(logs) == ["left"]
-    assert [reading.time for reading in logs["left"].readings] == [0.0]

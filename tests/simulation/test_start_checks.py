@@ -62,18 +62,14 @@ def settled(down: float, pitch: float, z: float | None = None, base: str = "free
         (0.25, 0.1, 0.5, "tilted by 5.73 deg and came 0.25 m down"),
     ],
 )
-def test_a_base_that_has_moved_before_the_run_begins_is_told(
-    down: float, pitch: float, z: float | None, said: str | None
-) -> None:
+def test_a_base_that_moved_while_settling_is_told(down: float, pitch: float, z: float | None, said: str | None) -> None:
     expected = said and f"while the robot settled, before t = 0, its base link 'base' {said}"
     assert settled(down, pitch, z) == expected
     assert settled(down, pitch, z, base="fixed") is None
 
 
 @pytest.mark.parametrize(("down", "z", "notes"), [(0.25, 0.5, 1), (0.09, 0.5, 0), (-0.25, 0.5, 0), (0.25, None, 0)])
-def test_a_robot_that_starts_in_the_air_and_falls_is_told_how_to_begin_there(
-    down: float, z: float | None, notes: int
-) -> None:
+def test_a_robot_that_falls_is_told_how_to_start_in_the_air(down: float, z: float | None, notes: int) -> None:
     before, after = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, 0.5 - down))
     for base, expected in (("free", notes), ("fixed", 0)):
         robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})

@@ -455,9 +455,7 @@ def rules(folder: Path, head: str, expect: str, engine: str, time_limit: float =
 @pytest.mark.parametrize(
     ("rule", "head", "expect", "engine"), in_turns([(kind.rule, *lie) for kind in KINDS.values() for lie in kind.lies])
 )
-def test_a_pass_that_was_not_earned_has_a_finding(
-    rule: str, head: str, expect: str, engine: str, tmp_path: Path
-) -> None:
+def test_an_unearned_pass_has_a_finding(rule: str, head: str, expect: str, engine: str, tmp_path: Path) -> None:
     assert rule in rules(tmp_path, head, expect, engine)
 
 

@@ -43,9 +43,7 @@ def test_modules_with_one_importer_are_found_wherever_the_import_stands(tmp_path
         ("x = 1", 0),
     ],
 )
-def test_circles_count_imports_in_functions_but_not_those_for_type_checkers(
-    back: str, circles: int, tmp_path: Path
-) -> None:
+def test_circles_count_imports_in_functions_but_not_for_type_checkers(back: str, circles: int, tmp_path: Path) -> None:
     measured = package(
         tmp_path,
         app__one="from sim_action.app.two import x\n",

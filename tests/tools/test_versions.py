@@ -93,9 +93,7 @@ def test_the_tag_that_moves_has_the_first_number(version: str, tag: str) -> None
         ("CHANGELOG.md", ("`v0`", "`v1`"), 3, "v1 must be v0"),
     ],
 )
-def test_each_disagreement_is_reported_with_its_line(
-    root: Path, name: str, change: tuple[str, str], line: int, expected: str
-) -> None:
+def test_each_disagreement_has_a_line(root: Path, name: str, change: tuple[str, str], line: int, expected: str) -> None:
     text = (root / name).read_text(encoding="utf-8")
     assert found(root) == []
     write(root, name, text.replace(*change, 1))

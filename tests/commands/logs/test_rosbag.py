@@ -352,9 +352,7 @@ def test_times_are_those_of_receipt_of_the_header_or_of_the_clock(tmp_path: Path
         {},
     ],
 )
-def test_messages_of_mcap_with_and_without_an_index_are_those_of_their_times(
-    options: dict[str, Any], tmp_path: Path
-) -> None:
+def test_messages_of_mcap_are_those_of_their_times(options: dict[str, Any], tmp_path: Path) -> None:
     moments = [(0.04, 9.0), (0.0, 5.0), (0.06, 9.5), (0.02, 7.0)]
     path = plain_mcap(tmp_path / "a.mcap", entries_at(*moments), chunk_size=200, **options)
     times = {stamps: [time for time, _ in read(path, "/j", stamps=stamps)] for stamps in ("receipt", "header")}
@@ -478,9 +476,7 @@ def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("index", [IndexType.CHUNK, IndexType.NONE])
 @pytest.mark.parametrize("damaged", ["name of the compression", "records"])
-def test_a_damaged_chunk_without_an_index_of_its_messages_is_noted(
-    index: IndexType, damaged: str, tmp_path: Path
-) -> None:
+def test_a_damaged_chunk_without_an_index_is_noted(index: IndexType, damaged: str, tmp_path: Path) -> None:
     entries = drive([(n / 10, n / 10_000, 0.1) for n in range(200)])
     path = plain_mcap(tmp_path / "a.mcap", entries, chunk_size=600, index_types=index)
     whole = read_log(path, "whole", Wanted("/cmd_vel")).rows
@@ -494,9 +490,7 @@ def test_a_damaged_chunk_without_an_index_of_its_messages_is_noted(
     assert recorded.notes == (f"a.mcap {DAMAGED} ('mcap recover' repairs it)",)
 
 
-def test_a_library_without_the_index_gives_the_error_of_the_damage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_without_the_index_tells_the_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = mcap_file(tmp_path / "a.mcap", drive([(n / 10, n / 10_000, 0.1) for n in range(20_000)]))
     data = bytearray(path.read_bytes())
     middle = len(data) * 2 // 5

@@ -1,4 +1,4 @@
-"""Bodies as PyBullet gets them."""
+"""Bodies as PyBullet gets them. A connection that is used again is as good as a new one, and others stay."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from sim_action.scenario.loading import build_scene
 from sim_action.world.scene import Scene
 from tests.mesh_files import CORNERS, moved, stl
 from tests.scenarios import load
+from tests.simulated import simulated
 
 pytestmark = pytest.mark.pybullet
 angles = st.floats(-math.pi, math.pi)
@@ -94,9 +95,7 @@ def test_a_robot_without_meshes_needs_no_folder(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has files in memory")
-def test_a_robot_is_read_from_a_folder_where_no_file_can_be_in_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_is_read_from_a_folder_without_memory_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(_: str) -> int:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
 
@@ -164,11 +163,85 @@ def test_a_mesh_that_cannot_be_read_for_a_moment_is_not_left_out(scene: Scene, m
     engine = ENGINES["pybullet"].load()(scene)
     assert engine.observe(0, contacts=False).pose.position_xyz[2] == pytest.approx(0.3, abs=1e-3)
     engine.close()
-
-
-def test_a_robot_without_one_of_its_meshes_is_refused(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    import pybullet
-
+    # A robot without one of its meshes is refused.
     monkeypatch.setattr(pybullet, "loadURDF", without_mesh(pybullet.loadURDF, 2))
     with pytest.raises(EngineError, match="PyBullet made 0 of 1 collision shapes of the robot"):
         ENGINES["pybullet"].load()(scene)
+
+
+DRIVES = """\
+name: drives
+robot: {model: turtlebot3_burger}
+commands: {rate: 10 Hz, twist: [{linear: 0.5, angular: 0.3}]}
+expect: [upright]
+duration: 0.5 s
+time_limit: 1 s
+backend: pybullet
+"""
+# Other gravity, friction and rate, a solver that uses all its iterations, and a body that lies on another one.
+DIFFERS = """\
+name: differs
+robot: {model: turtlebot3_burger, pose: {y: 2, yaw: 90 deg}}
+physics: {rate: 500 Hz}
+world:
+  gravity: 3 m/s^2
+  ground: {friction: 0.3}
+  objects:
+    - {name: table, box: [1, 1, 0.5], pose: {x: 2}}
+    - {name: ball, sphere: {radius: 0.1}, mass: 2 kg, pose: {x: 2, z: 0.8}}
+expect: [upright]
+duration: 0.2 s
+time_limit: 1 s
+backend: pybullet
+"""
+
+
+@pytest.fixture
+def new_connections() -> Iterator[None]:
+    forget()
+    yield
+    forget()
+
+
+def forget() -> None:
+    import pybullet
+
+    from sim_action.engines.pybullet import loaded_bodies
+
+    for client in (*loaded_bodies._RELEASED, *(each.client for each in loaded_bodies._AHEAD)):
+        pybullet.disconnect(client)
+    loaded_bodies._RELEASED.clear()
+    loaded_bodies._AHEAD.clear()
+
+
+@pytest.mark.usefixtures("new_connections")
+def test_a_run_in_a_connection_that_was_used_has_the_digest_of_a_new_one(tmp_path: Path) -> None:
+    first, *again = (simulated(tmp_path, text).digest for text in (DRIVES, DIFFERS, DRIVES, DIFFERS, DRIVES))
+    forget()
+    assert again == [simulated(tmp_path, DIFFERS).digest, first] * 2
+
+
+@pytest.mark.usefixtures("new_connections")
+def test_released_connections_are_used_again_and_closed_ones_replaced() -> None:
+    import pybullet
+
+    from sim_action.engines.pybullet.loaded_bodies import connected, release
+
+    one, two = connected(), connected()
+    pybullet.createMultiBody(1, physicsClientId=one.client)
+    pybullet.createMultiBody(1, physicsClientId=two.client)
+    release(two.client)
+    again = connected()
+    assert again == two
+    assert [pybullet.getNumBodies(each.client) for each in (one, again)] == [2, 1]
+    release(again.client)
+    release(one.client)
+    assert pybullet.isConnected(again.client)
+    assert not pybullet.isConnected(one.client)
+    # One that others have closed is replaced.
+    first = connected()
+    release(first.client)
+    pybullet.disconnect(first.client)
+    second = connected()
+    assert pybullet.getNumBodies(second.client) == 1
+    release(second.client)

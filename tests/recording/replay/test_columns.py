@@ -16,25 +16,20 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
 @given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)), st.sampled_from([1e-4, 1e-3, 1.0, 1 / 240]))
 def test_decoding_gives_back_what_was_encoded_to_half_a_step(values: FloatArray, scale: float) -> None:
     column = Column.encoded(values, scale)
-
     found = Column.model_validate_json(column.model_dump_json()).decoded(len(values))
-
     assert np.abs(found - values).max() <= scale * 0.5 + 1e-9
 
 
 @given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=anything)))
 def test_what_is_not_finite_is_a_gap_and_nothing_else_is(values: FloatArray) -> None:
     column = Column.encoded(values, 1e-3)
-
     found = Column.model_validate_json(column.model_dump_json()).decoded(len(values))
-
     assert (np.isfinite(found) == np.isfinite(values)).all()
 
 
 @pytest.mark.parametrize("value", [1e308, -1e308, 5e-324])
 def test_what_is_beyond_everything_is_a_number(value: float) -> None:
     column = Column.encoded(np.array([0.0, value]), 1e-3)
-
     assert Column.model_validate_json(column.model_dump_json()).fits(2)
     assert np.isfinite(column.decoded(2)).all()
 
@@ -54,7 +49,6 @@ def test_what_never_changes_and_what_is_before_a_gap() -> None:
 @given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)))
 def test_a_fine_scale_tells_two_thousand_steps_apart(values: FloatArray) -> None:
     span = float(np.ptp(values)) or float(np.abs(values).max())
-
     assert not span > 1e-200 or span / fine_scale(values) >= 2_000 * (1 - 1e-9)
 
 
@@ -90,9 +84,7 @@ def test_the_number_of_moments_of_a_column() -> None:
 def test_a_column_of_text_gives_back_what_was_encoded(values: FloatArray) -> None:
     scale = fine_scale(values)
     column = TextColumn.encoded(values, scale)
-
     found = TextColumn.model_validate_json(column.model_dump_json())
-
     assert found == column
     assert found.fits(len(values))
     assert np.abs(found.decoded(len(values)) - values).max() <= scale * 0.5 + 1e-9
@@ -110,7 +102,5 @@ def test_gaps_and_large_differences_in_a_column_of_text() -> None:
     ("deltas", "gaps", "rises"),
     [("$&", (), True), ("$ ", (), False), ("$!", (), False), ("\x10", (), False), ("$", ((0, 1),), False)],
 )
-def test_a_column_of_text_knows_whether_it_rises(
-    deltas: str, gaps: tuple[tuple[int, int], ...], *, rises: bool
-) -> None:
+def test_a_column_of_text_knows_if_it_rises(deltas: str, gaps: tuple[tuple[int, int], ...], *, rises: bool) -> None:
     assert TextColumn(scale=1.0, first=0, deltas=deltas, gaps=gaps).rises == rises

@@ -238,9 +238,7 @@ def test_replays_of_equal_scenes_share_the_scene_and_are_equal_to_those_read_alo
 
 
 @pytest.mark.parametrize("name", soaked(HOSTILE, short=set(HOSTILE) - {"a million shapes"}))
-def test_a_hostile_replay_is_refused_for_the_same_reason_after_one_with_the_same_scene(
-    name: str, tmp_path: Path
-) -> None:
+def test_a_hostile_replay_is_refused_alike_after_one_with_its_scene(name: str, tmp_path: Path) -> None:
     change = HOSTILE[name]
     before, path = tmp_path / "before", tmp_path / "replay"
     written(before)
@@ -289,8 +287,6 @@ TIMES = Column(scale=0.1, first=0, deltas=(1, 1))
         (Column(scale=0.1, first=0, deltas=(1, 1), gaps=((0, 1),)), AT_REST, 0, False),
     ],
 )
-def test_its_columns_fit_its_times_and_its_joints_those_of_the_run(
-    time: Column, column: Column, index: int, fits: bool
-) -> None:
+def test_columns_fit_times_and_joints_those_of_the_run(time: Column, column: Column, index: int, fits: bool) -> None:
     golden = GoldenData(expectation=0, time=time, base=(AT_REST, AT_REST, AT_REST, column), joints=((index, AT_REST),))
     assert golden.fits(joints=1) is fits

@@ -68,9 +68,7 @@ def test_scans_are_stored_and_thinned() -> None:
         (1.0, 10_000, 1, 5_000, (2, 1)),
     ],
 )
-def test_scans_are_left_out_before_rays(
-    rate: float, scans: int, rays: int, budget: int, expected: tuple[int, int]
-) -> None:
+def test_scans_are_thinned_first(rate: float, scans: int, rays: int, budget: int, expected: tuple[int, int]) -> None:
     assert thinning(rate, scans, rays, budget) == expected
     every_scan, every_ray = expected
     assert -(-scans // every_scan) * -(-rays // every_ray) <= budget

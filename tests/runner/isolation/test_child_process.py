@@ -39,9 +39,7 @@ def use(monkeypatch: pytest.MonkeyPatch, folder: Path, *full: Path) -> None:
 
 
 @pytest.mark.parametrize("is_full", [True, False])
-def test_a_folder_that_is_full_or_missing_is_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_full: bool
-) -> None:
+def test_a_full_or_missing_folder_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_full: bool) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     second.mkdir()
     if is_full:
@@ -63,9 +61,7 @@ def test_without_any_usable_folder_the_first_reason_counts(tmp_path: Path, monke
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folders_are_removed_if_gone_or_without_a_free_descriptor(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folders_are_removed_also_without_a_free_descriptor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, tmp_path)
     scratch = scratch_folder()
     Path(scratch.name).rmdir()
@@ -101,9 +97,7 @@ def limited(monkeypatch: pytest.MonkeyPatch, descriptors: float = INFINITY, task
 
 
 @pytest.mark.parametrize("child_type", [LinuxChild, PortableChild])
-def test_descriptors_in_use_and_a_reserve_are_kept(
-    child_type: type[ChildProcess], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_descriptors_in_use_and_a_reserve_stay(child_type: type[ChildProcess], monkeypatch: pytest.MonkeyPatch) -> None:
     in_use = descriptors_in_use()
     limited(monkeypatch, descriptors=in_use + child_process._RESERVED_DESCRIPTORS + 10 * child_type.descriptors)
     assert most_children(child_type, 256) == 10

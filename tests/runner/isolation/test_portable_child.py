@@ -10,6 +10,7 @@ import subprocess
 import threading
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -38,30 +39,21 @@ class Started:
 done: list[str] = []
 
 
-def test_a_process_that_cannot_be_listened_to_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse() -> None:
-        raise OSError(errno.EMFILE, "Too many open files")
-
+@pytest.mark.parametrize("refused", ["socket", "thread"])
+def test_a_process_that_is_not_heard_is_ended(refused: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
     job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path)
     monkeypatch.setattr(subprocess, "Popen", Started)
-    monkeypatch.setattr(socket, "socketpair", refuse)
-    with pytest.raises(OSError, match="Too many open files"):
+    pair, error = socket.socketpair(), OSError(errno.EMFILE, "Too many open files")
+    monkeypatch.setattr(
+        socket, "socketpair", Mock(return_value=pair, side_effect=error if refused == "socket" else None)
+    )
+    if refused == "thread":
+        monkeypatch.setattr(threading.Thread, "start", Mock(side_effect=RuntimeError("can't start new thread")))
+    with pytest.raises(OSError, match="Too many" if refused == "socket" else os.strerror(errno.EAGAIN)):
         PortableChild.start(job)
     assert done == ["started", "killed", "reaped"]
-
-
-def test_a_process_without_a_thread_that_listens_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_: threading.Thread) -> None:
-        raise RuntimeError("can't start new thread")
-
-    (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path)
-    monkeypatch.setattr(subprocess, "Popen", Started)
-    pair = socket.socketpair()
-    monkeypatch.setattr(socket, "socketpair", lambda: pair)
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    with pytest.raises(OSError, match=os.strerror(errno.EAGAIN)):
-        PortableChild.start(job)
-    assert done == ["started", "killed", "reaped"]
-    assert [each.fileno() for each in pair] == [-1, -1]
+    if refused == "thread":
+        assert [each.fileno() for each in pair] == [-1, -1]
+    for each in pair:
+        each.close()

@@ -164,9 +164,7 @@ def test_runs_that_update_golden_files_share_no_process(tmp_path: Path, monkeypa
     assert forks(scenarios, tmp_path, monkeypatch) == 2
 
 
-def test_models_that_only_a_child_reads_share_no_process_with_other_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_models_that_only_a_child_reads_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     (tmp_path / "ball.xml").write_text(f"<mujoco><worldbody>{BALL}</worldbody></mujoco>")
     text = SCENARIO.replace("turtlebot3_burger", "ball.xml").replace("[upright]", "[{max_speed: {linear: 50}}]")
