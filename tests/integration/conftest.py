@@ -17,6 +17,7 @@ import pytest
 
 from tests.integration.github import ActionResult, Runner
 from tests.integration.warm import WARM
+from tests.patience import PATIENCE
 
 ACTION = Path(__file__).parent.parent.parent
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -125,7 +126,7 @@ def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subproc
 def interpreter(folder: Path, *arguments: str | Path, env: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
     """Run the interpreter of the tests with these arguments."""
     command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=PATIENCE)
 
 
 def outcomes(folder: Path) -> list[dict[str, Any]]:

@@ -17,12 +17,12 @@ from sim_action.core.errors import InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
 from sim_action.engines.observers import MIN_OVERLAP_M
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.simulation.loop import SimulationRun
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, on_every_engine, running, scene_of
+from tests.integration.engines import advance, on_every_engine, running, scene_of, travelled
 from tests.simulated import simulated
 from tests.soak import examples
 from tests.worlds import with_files
@@ -48,8 +48,7 @@ def arm(folder: Path, *objects: dict[str, Any], base: str = BASE, **pose: float)
 
 
 def moved(engine: str, scene: Scene, seconds: float) -> Trace:
-    with running(engine, scene, contacts=True) as backend:
-        return advance(backend, 0, round(seconds * RATE))
+    return travelled(engine, scene, round(seconds * RATE), contacts=True)
 
 
 def steps_of(contacts: Sequence[Contact], link: str) -> list[int]:
@@ -188,16 +187,17 @@ def test_contacts_agree_with_distances_that_need_no_engine(
             assert (step in touched) == (distance < 0), (step, distance)
 
 
-def run(folder: Path, engine: str, expect: list[Any], *objects: dict[str, Any], **keys: Any) -> SimulationRun:
+def judged(folder: Path, engine: str, expected: Any, *objects: dict[str, Any], **keys: Any) -> Verdict:
     (folder / "robot.urdf").write_text(ARM.format(inertial=INERTIAL, base=BASE))
-    scenario = {"name": "s", "backend": engine, "robot": {"model": "robot.urdf", "base": "fixed"}, "expect": expect}
-    return simulated(folder, {**scenario, "world": {"objects": objects}, "duration": 2, "time_limit": 2, **keys})
+    scenario = {"name": "s", "backend": engine, "robot": {"model": "robot.urdf", "base": "fixed"}, "expect": [expected]}
+    timed = {**scenario, "world": {"objects": objects}, "duration": 2, "time_limit": 2, **keys}
+    (verdict,) = simulated(folder, timed).verdicts
+    return verdict
 
 
 @on_every_engine
 def test_a_body_on_a_path_through_a_base_is_a_collision(engine: str, tmp_path: Path) -> None:
-    ran = run(tmp_path, engine, ["no_collision"], along_x(0.05))
-    (verdict,) = ran.verdicts
+    verdict = judged(tmp_path, engine, "no_collision", along_x(0.05))
     assert verdict.status == "failed"
     assert verdict.time == pytest.approx(0.55, abs=0.01)
     assert verdict.message.startswith("base touched agv at 0.55 s, at (")
@@ -207,18 +207,16 @@ def test_a_body_on_a_path_through_a_base_is_a_collision(engine: str, tmp_path: P
 @on_every_engine
 @pytest.mark.parametrize("limit", [{"at_most": 50}, {"impulse": {"at_most": 1}}])
 def test_a_limit_of_the_force_does_not_pass(engine: str, limit: dict[str, Any], tmp_path: Path) -> None:
-    ran = run(tmp_path, engine, [{"contact": {"with": "agv", **limit}}], along_x(0.05))
-    (verdict,) = ran.verdicts
+    verdict = judged(tmp_path, engine, {"contact": {"with": "agv", **limit}}, along_x(0.05))
     assert (verdict.status, verdict.measured) == ("failed", None)
     assert "with no computed force (neither gives way), so no limit can hold" in verdict.message
     with pytest.raises(InvalidScenario, match="there is no force between 'agv' and 'base': 'agv' follows its path"):
-        run(tmp_path, engine, [{"contact": {"with": "agv", "link": "base", **limit}}], along_x(0.05))
+        judged(tmp_path, engine, {"contact": {"with": "agv", "link": "base", **limit}}, along_x(0.05))
 
 
 @on_every_engine
 def test_names_in_allow_still_count(engine: str, tmp_path: Path) -> None:
-    ran = run(tmp_path, engine, [{"no_collision": {"allow": ["base"]}}], along_x(0.05))
-    assert ran.verdicts[0].passed
+    assert judged(tmp_path, engine, {"no_collision": {"allow": ["base"]}}, along_x(0.05)).passed
 
 
 @on_every_engine
@@ -227,4 +225,4 @@ def test_a_thin_body_that_jumps_past_a_thin_link_is_an_error(engine: str, tmp_pa
     # The column is 0.1 m wide; the plate moves 0.4 m per step.
     fast = {**plate, "path": ({"at": 0, "x": 1.01}, {"at": 0.02, "x": -0.91})}
     with pytest.raises(MissedContact, match=r"link '(column|base)' passed through body 'plate' without a contact"):
-        run(tmp_path, engine, ["no_collision"], fast, physics={"rate": 240, "max_speed": 1000})
+        judged(tmp_path, engine, "no_collision", fast, physics={"rate": 240, "max_speed": 1000})

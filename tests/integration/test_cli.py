@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -17,10 +16,10 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.results.output_folder import locked
-from tests.integration.conftest import interpreter, outside_of_github, sim_action
+from tests.integration.conftest import ACTION, interpreter, outcomes, outside_of_github, sim_action
 from tests.soak import soaked
 
-ROOT = Path(__file__).parents[2]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ACTION)}
 
 VALID = """\
 name: {name}
@@ -63,8 +62,11 @@ BAD = {
 VALID_NAMES = ("good-1", "good-2", "gap < 1 m | <b>`bold`</b>")
 
 
+Ran = tuple[Path, subprocess.CompletedProcess[str]]
+
+
 @pytest.fixture(scope="module")
-def bad_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def bad_run(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder = tmp_path_factory.mktemp("bad")
     for name, text in BAD.items():
         (folder / f"{name}.sim.yml").write_text(text)
@@ -73,38 +75,38 @@ def bad_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.
     for number, name in enumerate(VALID_NAMES, 1):
         (folder / f"good-{number}.sim.yml").write_text(VALID.format(name=f"'{name}'"))
     (folder / "summary.md").touch()
-    return folder, sim_action(
-        folder, "run", ".", "missing.sim.yml", GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(folder / "summary.md")
-    )
+    github = {"GITHUB_ACTIONS": "true", "GITHUB_STEP_SUMMARY": str(folder / "summary.md")}
+    return folder, sim_action(folder, "run", ".", "missing.sim.yml", **github)
 
 
-def test_bad_input_is_exit_code_2_without_a_traceback(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
-    _, ran = bad_run
+def test_bad_input_is_exit_code_2_without_a_traceback_and_the_valid_ones_ran_all_the_same(bad_run: Ran) -> None:
+    folder, ran = bad_run
     assert ran.returncode == 2
     assert "Traceback" not in ran.stdout + ran.stderr
-
-
-@pytest.mark.parametrize("name", [*BAD, "huge", "missing"])
-def test_each_bad_file_is_told_with_its_place_in_every_report(
-    bad_run: tuple[Path, subprocess.CompletedProcess[str]], name: str
-) -> None:
-    folder, ran = bad_run
-    results = json.loads((folder / "sim-results/results.json").read_text())
-    (outcome,) = [found for found in results["outcomes"] if found["file"] == f"{name}.sim.yml"]
-    assert outcome["status"] == "error"
-    assert all(failure["message"] for failure in outcome["failures"])
-    assert re.search(rf"{name}\.sim\.yml(:\d+:\d+)?", ran.stdout)
-    assert name in (folder / "sim-results/junit.xml").read_text()
-    assert name in (folder / "summary.md").read_text().replace("\\", "")
-
-
-def test_the_valid_ones_ran_all_the_same(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
-    folder, _ = bad_run
     junit = junitparser.JUnitXml.fromfile(str(folder / "sim-results/junit.xml"))
     assert junit.errors >= len(BAD) + 2
     passed = [suite.name for suite in junit for case in suite if not case.result]
     assert sorted(passed) == sorted(VALID_NAMES)
     assert "<b>" not in (folder / "summary.md").read_text()
+
+
+def test_each_bad_file_has_an_error_with_its_place_in_every_report(bad_run: Ran) -> None:
+    folder, ran = bad_run
+    by_file = {outcome["file"]: outcome for outcome in outcomes(folder)}
+    for name in (*BAD, "huge", "missing"):
+        outcome = by_file[f"{name}.sim.yml"]
+        assert outcome["status"] == "error", name
+        assert all(failure["message"] for failure in outcome["failures"]), name
+        assert re.search(rf"{name}\.sim\.yml(:\d+:\d+)?", ran.stdout), name
+        assert name in (folder / "sim-results/junit.xml").read_text()
+        assert name in (folder / "summary.md").read_text().replace("\\", "")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a scenario that passes."""
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    return tmp_path
 
 
 def test_validate_prints_the_warnings_of_the_audit(tmp_path: Path) -> None:
@@ -117,7 +119,7 @@ def test_validate_prints_the_warnings_of_the_audit(tmp_path: Path) -> None:
     assert count == "1 valid, 0 invalid (2 runs with all variations)"
 
 
-def test_validate_says_the_same_with_lines_and_columns(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_validate_says_the_same_with_lines_and_columns(bad_run: Ran) -> None:
     folder, _ = bad_run
     checked = sim_action(folder, "validate", ".")
     assert checked.returncode == 2
@@ -135,11 +137,19 @@ def test_no_scenario_is_exit_code_5_and_still_a_junit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("run", "--jobs", "0"), ("run", "--nope"), ("run", "a.sim.yml::3-1"), ("nope",), ("run", "-v", "-q")]
+    ("arguments", "message"),
+    [
+        (("run", "--jobs", "0"), "found '0'"),
+        (("run", "--nope"), "--nope"),
+        (("run", "a.sim.yml::3-1"), "found '3-1'"),
+        (("run", "--junit", "."), "--junit . is a folder; name a file"),
+        (("nope",), "'nope'"),
+    ],
 )
-def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+def test_a_wrong_call_is_exit_code_2(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
     ran = sim_action(tmp_path, *arguments)
     assert ran.returncode == 2
+    assert message in ran.stderr
     assert "Traceback" not in ran.stderr
 
 
@@ -148,59 +158,54 @@ def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...])
 def test_a_current_folder_that_was_removed_is_exit_code_2(tmp_path: Path, arguments: str) -> None:
     program = f"rmdir . 2>/dev/null || rmdir ../here; exec '{sys.executable}' -m sim_action {arguments}"
     (tmp_path / "here").mkdir()
-    found = subprocess.run(["sh", "-c", program], cwd=tmp_path / "here", capture_output=True, text=True, check=False)
-    assert found.returncode == 2, found.stderr
-    assert found.stderr.splitlines() == ["sim-action: the current folder does not exist any more"]
-
-
-def test_a_junit_path_that_is_a_folder_is_exit_code_2(tmp_path: Path) -> None:
-    ran = sim_action(tmp_path, "run", "--junit", ".")
-    assert ran.returncode == 2
-    assert "--junit . is a folder; name a file" in ran.stderr
+    ran = subprocess.run(["sh", "-c", program], cwd=tmp_path / "here", capture_output=True, text=True, check=False)
+    assert ran.returncode == 2, ran.stderr
+    assert ran.stderr.splitlines() == ["sim-action: the current folder does not exist any more"]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_a_full_disk_behind_the_log_does_not_change_the_exit_code(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    command, variables = [sys.executable, "-m", "sim_action", "run"], {**os.environ, "PYTHONPATH": str(ROOT)}
+def test_a_full_disk_behind_the_log_does_not_change_the_exit_code(folder: Path) -> None:
+    command = [sys.executable, "-m", "sim_action", "run"]
     with Path("/dev/full").open("w") as full:
-        call = partial(subprocess.run, command, cwd=tmp_path, env=variables, stdout=full, text=True, check=False)
+        call = partial(subprocess.run, command, cwd=folder, env=ENVIRONMENT, stdout=full, text=True, check=False)
         ran = call(stderr=subprocess.PIPE)
         assert ran.returncode == 0
         assert "warning: the report for the terminal cannot be written to standard output: no space" in ran.stderr
         assert "Traceback" not in ran.stderr
         assert call(stderr=full).returncode == 0
-    assert junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml")).tests == 1
+    assert junitparser.JUnitXml.fromfile(str(folder / "sim-results/junit.xml")).tests == 1
 
 
-def test_one_run_at_a_time_uses_an_output_folder(tmp_path: Path) -> None:
+def test_one_run_at_a_time_uses_an_output_folder(folder: Path) -> None:
     """tests/results/test_output_folder.py looks at the files."""
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    (tmp_path / "sim-results").mkdir()
-    assert sim_action(tmp_path, "run", "--output-dir", "other").returncode == 0
-    with locked(tmp_path / "sim-results"):
+    (folder / "sim-results").mkdir()
+    assert sim_action(folder, "run", "--output-dir", "other").returncode == 0
+    with locked(folder / "sim-results"):
         for command in (("run",), ("merge", "other/results.json")):
-            ran = sim_action(tmp_path, *command)
+            ran = sim_action(folder, *command)
             assert ran.returncode == 2
             assert f"in use by another run of sim-action (process {os.getpid()}); wait for it" in ran.stderr
 
 
-def test_a_run_begins_without_the_files_of_the_earlier_one(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    assert sim_action(tmp_path, "run", "--record", "csv", "--junit", "sim-results/mine.xml").returncode == 0
-    (tmp_path / "sim-results/traces/mine.npz").touch()
-    (tmp_path / "b.sim.yml").write_text(VALID.format(name="b").replace("{twist: [{linear: 1.0}]}", "{script: b.py}"))
-    (tmp_path / "b.py").write_text(
-        "from pathlib import Path\nfrom sim_action import Twist\n"
-        "here = Path(__file__).parent\n"
-        "found = [path.relative_to(here).as_posix() for path in here.glob('sim-results/**/*') if path.is_file()]\n"
-        "(here / 'found.txt').write_text(' '.join(sorted(found)))\n"
-        "def control(observation):\n"
-        "    return Twist.planar(1.0)\n"
-    )
-    assert sim_action(tmp_path, "run", "b.sim.yml", "--junit", "sim-results/mine.xml").returncode == 0
-    found = {"sim-results/.gitignore", "sim-results/.sim-action.lock", "sim-results/results.jsonl"}
-    assert set((tmp_path / "found.txt").read_text().split()) == {*found, "sim-results/traces/mine.npz"}
+LISTS_FILES = """\
+from pathlib import Path
+from sim_action import Twist
+here = Path(__file__).parent
+files = [path.relative_to(here).as_posix() for path in here.glob('sim-results/**/*') if path.is_file()]
+(here / 'files.txt').write_text(' '.join(sorted(files)))
+def control(observation):
+    return Twist.planar(1.0)
+"""
+
+
+def test_a_run_begins_without_the_files_of_the_earlier_one(folder: Path) -> None:
+    assert sim_action(folder, "run", "--record", "csv", "--junit", "sim-results/mine.xml").returncode == 0
+    (folder / "sim-results/traces/mine.npz").touch()
+    (folder / "b.sim.yml").write_text(VALID.format(name="b").replace("{twist: [{linear: 1.0}]}", "{script: b.py}"))
+    (folder / "b.py").write_text(LISTS_FILES)
+    assert sim_action(folder, "run", "b.sim.yml", "--junit", "sim-results/mine.xml").returncode == 0
+    kept = {"sim-results/.gitignore", "sim-results/.sim-action.lock", "sim-results/results.jsonl"}
+    assert set((folder / "files.txt").read_text().split()) == {*kept, "sim-results/traces/mine.npz"}
 
 
 def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
@@ -208,21 +213,17 @@ def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
         (tmp_path / os.fsdecode(name)).write_text(VALID.format(name="odd") if name.startswith(b"odd") else "")
     ran = sim_action(tmp_path, "run", ".")
     assert ran.returncode == 2, ran.stderr
-    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
-    assert [(found["file"], found["status"]) for found in outcomes] == [
-        ("bad-\\xff.sim.yml", "error"),
-        ("odd-\\xff.sim.yml", "passed"),
-    ]
+    statuses = {outcome["file"]: outcome["status"] for outcome in outcomes(tmp_path)}
+    assert statuses == {"bad-\\xff.sim.yml": "error", "odd-\\xff.sim.yml": "passed"}
 
 
-def test_a_pattern_that_finds_nothing_is_no_pass(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    assert sim_action(tmp_path, "run", "a.sim.yml", "./a.sim.yml").returncode == 0
-    ran = sim_action(tmp_path, "run", "a.sim.yml", "nope*.sim.yml")
+def test_a_pattern_that_finds_nothing_is_no_pass(folder: Path) -> None:
+    assert sim_action(folder, "run", "a.sim.yml", "./a.sim.yml").returncode == 0
+    ran = sim_action(folder, "run", "a.sim.yml", "nope*.sim.yml")
     assert ran.returncode == 2
     assert "1 passed, 1 error" in ran.stdout
     assert "no scenario found at 'nope*.sim.yml'; correct the path" in ran.stdout
-    assert sim_action(tmp_path, "validate", "a.sim.yml", "nope*.sim.yml").returncode == 2
+    assert sim_action(folder, "validate", "a.sim.yml", "nope*.sim.yml").returncode == 2
 
 
 def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
@@ -234,30 +235,19 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     assert "<testcase" in (tmp_path / "x/y.xml").read_text()
 
 
-def test_the_seed_that_was_typed_counts_for_all_and_is_told(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    (tmp_path / "b.sim.yml").write_text(VALID.format(name="b") + "seed: 7\n")
-    told = []
-    for flags in ([], ["--seed", "3"]):
-        assert sim_action(tmp_path, "run", *flags).returncode == 0
-        told.append(
-            [outcome["seed"] for outcome in json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]]
-        )
-    assert told == [[0, 7], [3, 3]]
+def test_the_seed_that_was_typed_counts_for_all_and_is_told(folder: Path) -> None:
+    (folder / "b.sim.yml").write_text(VALID.format(name="b") + "seed: 7\n")
+    for flags, seeds in (([], [0, 7]), (["--seed", "3"], [3, 3])):
+        assert sim_action(folder, "run", *flags).returncode == 0
+        assert [outcome["seed"] for outcome in outcomes(folder)] == seeds
 
 
 @pytest.mark.parametrize("redirection", soaked([">&-", "2>&-", "<&-", ">&- 2>&- <&-"], short=["2>&-", ">&- 2>&- <&-"]))
-def test_closed_streams_change_no_verdict(tmp_path: Path, redirection: str) -> None:
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
-    ran = subprocess.run(
-        ["bash", "-c", f'"$0" -m sim_action run a.sim.yml {redirection}', sys.executable],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        check=False,
-    )
+def test_closed_streams_change_no_verdict(folder: Path, redirection: str) -> None:
+    command = ["bash", "-c", f'"$0" -m sim_action run a.sim.yml {redirection}', sys.executable]
+    ran = subprocess.run(command, cwd=folder, env=ENVIRONMENT, capture_output=True, check=False)
     assert ran.returncode == 0
-    assert json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]["status"] == "passed"
+    assert outcomes(folder)[0]["status"] == "passed"
 
 
 def test_lists_are_printed(tmp_path: Path) -> None:
@@ -282,20 +272,9 @@ OF_MAIL = {"email", "importlib.metadata", "socket"} if "pybullet" in installed()
         (("run", "a.sim.yml", "--no-report"), UNUSED | OF_MAIL),
     ],
 )
-def test_only_what_is_needed_is_imported(arguments: tuple[str, ...], unneeded: set[str], tmp_path: Path) -> None:
+def test_only_what_is_needed_is_imported(arguments: tuple[str, ...], unneeded: set[str], folder: Path) -> None:
     """tests/tools/test_budgets.py counts our modules."""
     assert all(find_spec(name) for name in unneeded if name.startswith("sim_action.")), "a module was renamed"
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
     code = "import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\nprint(*sys.modules)"
-    ran = interpreter(tmp_path, "-c", code, *arguments, env=outside_of_github({}))
+    ran = interpreter(folder, "-c", code, *arguments, env=outside_of_github({}))
     assert not set(ran.stdout.splitlines()[-1].split()) & unneeded
-
-
-def test_paths_on_other_ci_services_begin_at_their_workspace(tmp_path: Path) -> None:
-    (tmp_path / "robot").mkdir()
-    (tmp_path / "robot/a.sim.yml").write_text(VALID.format(name="a"))
-    variables = {"GITHUB_ACTIONS": "true", "GITHUB_STEP_SUMMARY": "", "CI_PROJECT_DIR": str(tmp_path)}
-    sim_action(tmp_path / "robot", "run", **variables)
-    (suite,) = junitparser.JUnitXml.fromfile(str(tmp_path / "robot/sim-results/junit.xml"))
-    assert suite._elem.get("file") == "robot/a.sim.yml"
-    assert [case.classname for case in suite] == ["robot/a"] * len(list(suite))

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +18,9 @@ from distributed import Client
 
 import sim_action
 from sim_action.cli.main import call
+from sim_action.runner.cluster import dask_executor
 from sim_action.runner.isolation.process_control import processes
+from tests.integration.conftest import BOX, write
 from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
@@ -37,20 +39,12 @@ variations:
   world.ground.friction: {{uniform: [0.4, 1.2], samples: {samples}}}
 """
 SCRIPTED: Final = """\
-name: {name}
-robot: {{model: box.urdf}}
-commands: {{script: controllers/{name}.py}}
-expect: [{{settled: {{}}}}]
+name: raises
+robot: {model: box.urdf}
+commands: {script: controllers/raises.py}
+expect: [{settled: {}}]
 duration: 0.5 s
 time_limit: 1 s
-"""
-BOX: Final = """\
-<robot name="box">
-  <link name="base">
-    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-    <collision><geometry><box size="1 1 1"/></geometry></collision>
-  </link>
-</robot>
 """
 RAISES: Final = "def control(observation):\n    raise ValueError(__file__)\n"
 
@@ -65,33 +59,21 @@ def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def outcomes(folder: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((folder / "results.json").read_text())["outcomes"]
-    return found
-
-
 def timeless(value: Any) -> Any:
     """Results without times, and without what depends on the machine."""
     if isinstance(value, dict):
         left_out = {"started_at", "wall_time", "real_time_factor", "provenance"}
-        return {key: timeless(each) for key, each in value.items() if key not in left_out}
-    return [timeless(each) for each in value] if isinstance(value, list) else value
+        return {key: timeless(inner) for key, inner in value.items() if key not in left_out}
+    return [timeless(inner) for inner in value] if isinstance(value, list) else value
 
 
-def same_results(one: Path, other: Path) -> bool:
-    first, second = (timeless(json.loads((folder / "results.json").read_text())) for folder in (one, other))
-    return bool(first == second)
+def results(folder: Path) -> dict[str, Any]:
+    """The results in a folder, as `timeless` has them."""
+    return dict(timeless(json.loads((folder / "results.json").read_text())))
 
 
 def files(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
-
-
-def script(folder: Path, name: str, text: str) -> None:
-    (folder / "controllers").mkdir(exist_ok=True)
-    (folder / "controllers" / f"{name}.py").write_text(text)
-    (folder / "box.urdf").write_text(BOX)
-    (folder / f"{name}.sim.yml").write_text(SCRIPTED.format(name=name))
 
 
 @contextmanager
@@ -123,37 +105,45 @@ def wait_for(process: subprocess.Popen[str], count: int) -> None:
 
 
 def children_of(parent: int) -> list[int]:
-    return [each.number for each in processes() if each.parent == parent]
+    return [process.number for process in processes() if process.parent == parent]
 
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:
-    def found() -> list[int]:
+    def workers() -> list[int]:
         return [pid for pid in children_of(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
-    wait_until(lambda: len(found()) == 2)
-    return found()
+    wait_until(lambda: len(workers()) == 2)
+    return workers()
 
 
-def gone(pids: Sequence[int]) -> bool:
-    return not any(Path(f"/proc/{pid}").exists() for pid in pids)
+def end_with(process: subprocess.Popen[str], number: signal.Signals) -> None:
+    """Send a signal after two outcomes, and wait for the ends of the call, its workers and their children."""
+    wait_for(process, 2)
+    pids = workers_of(process)
+    pids += [child for pid in pids for child in children_of(pid)]
+    process.send_signal(number)
+    process.communicate()
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids))
 
 
 @pytest.mark.parametrize("samples", soaked((8, 200), (8,)))
 def test_results_are_those_of_a_run_without_a_cluster_also_if_a_worker_is_killed(tmp_path: Path, samples: int) -> None:
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
-    script(tmp_path, "raises", RAISES)
+    write(tmp_path / "controllers/raises.py", RAISES)
+    write(tmp_path / "box.urdf", BOX)
+    write(tmp_path / "raises.sim.yml", SCRIPTED)
     here = run(tmp_path, "-j", "2", "--output-dir", "here", "--record", "csv")
     with started(tmp_path, "--record", "csv") as process:
         wait_for(process, 3)
         os.kill(workers_of(process)[0], signal.SIGKILL)
         _, told = process.communicate()
     assert here.returncode == process.returncode == 1, told
-    assert same_results(tmp_path / "here", tmp_path / "there")
+    assert results(tmp_path / "here") == results(tmp_path / "there")
     assert files(tmp_path / "here") == files(tmp_path / "there")
-    found = outcomes(tmp_path / "there")
-    assert len({outcome["name"] for outcome in found}) == len(found) == samples + 1
+    outcomes = results(tmp_path / "there")["outcomes"]
+    assert len({outcome["name"] for outcome in outcomes}) == len(outcomes) == samples + 1
     assert told.count("] passed") == samples - 3
-    (raised,) = (outcome for outcome in found if outcome["name"] == "raises")
+    (raised,) = (outcome for outcome in outcomes if outcome["name"] == "raises")
     assert "controllers/raises.py" in str(raised["failures"])
 
 
@@ -161,42 +151,27 @@ def test_results_are_those_of_a_run_without_a_cluster_also_if_a_worker_is_killed
 def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> None:
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
     with started(tmp_path) as process:
-        wait_for(process, 2)
-        pids = workers_of(process)
-        pids += [each for pid in pids for each in children_of(pid)]
-        process.send_signal(signal.SIGINT)
-        process.communicate()
+        end_with(process, signal.SIGINT)
     assert process.returncode == 130
-    found = outcomes(tmp_path / "there")
-    assert len(found) == 100
-    assert {outcome["status"] for outcome in found} == {"passed", "error"}
-    kinds = {failure["kind"] for outcome in found for failure in outcome["failures"]}
+    outcomes = results(tmp_path / "there")["outcomes"]
+    assert len(outcomes) == 100
+    assert {outcome["status"] for outcome in outcomes} == {"passed", "error"}
+    kinds = {failure["kind"] for outcome in outcomes for failure in outcome["failures"]}
     assert kinds == {"interrupted"}
-    wait_until(lambda: gone(pids))
 
 
 @pytest.mark.soak
 def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None:
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
     with started(tmp_path) as process:
-        wait_for(process, 2)
-        pids = workers_of(process)
-        pids += [each for pid in pids for each in children_of(pid)]
-        process.kill()
-        process.communicate()
-    wait_until(lambda: gone(pids))
+        end_with(process, signal.SIGKILL)
 
 
 @contextmanager
-def dask(*options: str, path: Path = ROOT) -> Iterator[None]:
-    environment = {**ENVIRONMENT, "PYTHONPATH": str(path)}
-    process = subprocess.Popen(
-        [sys.executable, "-m", "dask", *options],
-        cwd=path,
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+def dask(*options: str) -> Iterator[None]:
+    silent = subprocess.DEVNULL
+    command = [sys.executable, "-m", "dask", *options]
+    process = subprocess.Popen(command, cwd=ROOT, env=ENVIRONMENT, stdout=silent, stderr=silent)
     try:
         yield
     finally:
@@ -215,10 +190,10 @@ def scheduler(tmp_path: Path) -> Iterator[str]:
 
 
 @contextmanager
-def worker(scheduler: str, folder: Path, path: Path = ROOT) -> Iterator[None]:
+def worker(scheduler: str, folder: Path) -> Iterator[None]:
     folder.mkdir()
     options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
-    with dask("worker", scheduler, *options, path=path):
+    with dask("worker", scheduler, *options):
         with Client(scheduler) as client:
             client.wait_for_workers(1, PATIENCE)
         yield
@@ -226,30 +201,29 @@ def worker(scheduler: str, folder: Path, path: Path = ROOT) -> Iterator[None]:
 
 @pytest.mark.soak
 def test_a_cluster_that_is_there_runs_scenarios_and_keeps_their_workspace(tmp_path: Path, scheduler: str) -> None:
-    project = tmp_path / "project"
-    project.mkdir()
-    (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    project = write(tmp_path / "project/drives.sim.yml", DRIVES.format(samples=2)).parent
     options = ("--cluster", scheduler, "--no-report", "--output-dir", "there")
-    result = run(project, *options)
-    assert result.returncode == 2
-    assert f"{scheduler} has no workers; start one on each machine with dask worker {scheduler}" in result.stderr
-
+    refused = run(project, *options)
+    assert refused.returncode == 2
+    assert f"{scheduler} has no workers; start one on each machine with dask worker {scheduler}" in refused.stderr
     with worker(scheduler, tmp_path / "scratch"):
-        results = [run(project, *options) for _ in range(2)]
-        assert [result.returncode for result in results] == [0, 0], results[0].stderr
+        for _ in range(2):
+            ran = run(project, *options)
+            assert ran.returncode == 0, ran.stderr
         assert len(list((tmp_path / "scratch").rglob("drives.sim.yml"))) == 1
 
 
 @pytest.mark.parametrize(
     ("address", "cause"),
     [
-        ("tcp://127.0.0.1:9", "no Dask scheduler answers at tcp://127.0.0.1:9 within 5 s"),
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers at tcp://127.0.0.1:9 within 0.5 s"),
         ("tls://127.0.0.1:9", "tls://127.0.0.1:9 needs the certificates of the cluster in the settings of Dask"),
     ],
 )
 def test_a_scheduler_that_cannot_be_reached_is_refused(
     address: str, cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(dask_executor, "_CONNECT_TIMEOUT_S", 0.5)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
     assert call(["run", "--cluster", address]) == 2
@@ -263,7 +237,7 @@ def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
     gate = "gate: {passes: {at_least: 50 %, confidence: 75 %}}\n"
     (tmp_path / "gate.sim.yml").write_text(DRIVES.format(samples=2) + gate)
-    results = sim_action.run(["drives.sim.yml", "gate.sim.yml"], cluster="local:1", output_dir="there")
-    assert results.passed
-    assert [outcome.status for outcome in results.outcomes] == ["passed", "passed", "passed"]
-    assert [len(gate.runs) for gate in results.gates] == [2]
+    ran = sim_action.run(["drives.sim.yml", "gate.sim.yml"], cluster="local:1", output_dir="there")
+    assert ran.passed
+    assert [outcome.status for outcome in ran.outcomes] == ["passed", "passed", "passed"]
+    assert [len(gate.runs) for gate in ran.gates] == [2]

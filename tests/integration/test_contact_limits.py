@@ -13,21 +13,20 @@ from sim_action.assertions.monitors.contacts import MeanForce
 from sim_action.core.field_types import Placement
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import simulate
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Body, Ground, World
-from tests.integration.engines import advance, at, running, scene_of, travelled
+from tests.integration.engines import advance, at, one_link, running, scene_of, travelled
 from tests.scenarios import load
+from tests.simulated import simulated
 from tests.traces import START
 
 every_engine = pytest.mark.parametrize("engine", installed())
 RATES = (120, 480, 1920)
 MASS, SPEED = 2.0, 0.5
 
-BALL = """<robot name="ball"><link name="ball"><inertial><mass value="2"/>
-  <inertia ixx="0.008" iyy="0.008" izz="0.008" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
-CRATE = BALL.replace('<sphere radius="0.1"/>', '<box size="0.2 0.2 0.2"/>')
+BALL = one_link('<sphere radius="0.1"/>', mass=MASS, moment=0.008)
+CRATE = one_link('<box size="0.2 0.2 0.2"/>', mass=MASS, moment=0.008)
 WALL = Body(name="wall", box=(0.1, 2.0, 1.0), pose=Placement(x=0.25))
 
 
@@ -50,9 +49,8 @@ def test_the_impulse_of_an_impact_is_the_change_of_momentum_at_every_rate(
     found, expected = [], []
     for rate in RATES:
         world = World(ground=Ground(friction=0), objects=(WALL.model_copy(update={"friction": 0.0}),))
-        trace = travelled(
-            engine, scene_of(tmp_path, shape, at(), world, rate=rate), rate, start=((normal, along, 0),), contacts=True
-        )
+        scene = scene_of(tmp_path, shape, at(), world, rate=rate)
+        trace = travelled(engine, scene, rate, start=((normal, along, 0),), contacts=True)
         found.append(greatest_mean(trace, rate) * 0.05)
         expected.append(MASS * (normal - float(trace.base_linear_xyz[-1, 0])))
         assert normal * MASS * 0.95 <= expected[-1] <= normal * MASS * 1.6
@@ -64,10 +62,8 @@ def test_the_impulse_of_an_impact_is_the_change_of_momentum_at_every_rate(
 @every_engine
 @pytest.mark.parametrize("rate", RATES)
 def test_the_mean_force_on_a_scale_is_the_weight(engine: str, rate: int, tmp_path: Path) -> None:
-    scale = Body(name="scale", box=(1.0, 1.0, 0.1))
-    with running(
-        engine, scene_of(tmp_path, CRATE, at(z=0.2), World(objects=(scale,)), rate=rate), contacts=True
-    ) as backend:
+    world = World(objects=(Body(name="scale", box=(1.0, 1.0, 0.1)),))
+    with running(engine, scene_of(tmp_path, CRATE, at(z=0.2), world, rate=rate), contacts=True) as backend:
         advance(backend, -rate, rate)
         start = backend.observe(0, contacts=True)
         trace = advance(backend, 0, rate // 4)
@@ -95,23 +91,15 @@ time_limit: 3 s
 """
 
 
-def bumps(engine: str, folder: Path) -> list[SimulationRun]:
-    found = []
-    for rate in RATES:
-        loaded = load(folder, BUMP.replace("ENGINE", engine).replace("RATE", str(rate)))
-        found.append(simulate(loaded.scenario, build_scene(loaded), lambda _: None))
-    return found
-
-
 @every_engine
 def test_verdicts_on_a_bump_are_the_same_at_every_rate(engine: str, tmp_path: Path) -> None:
-    found = {tuple(verdict.passed for verdict in run.verdicts) for run in bumps(engine, tmp_path)}
-    assert found == {(True, True, True, False, False, False)}
+    runs = [simulated(tmp_path, BUMP.replace("ENGINE", engine).replace("RATE", str(rate))) for rate in RATES]
+    verdicts = {tuple(verdict.passed for verdict in run.verdicts) for run in runs}
+    assert verdicts == {(True, True, True, False, False, False)}
 
 
 def test_a_stored_trace_at_10_hz_has_the_verdicts_of_the_run(tmp_path: Path) -> None:
-    engine = installed()[0]
-    loaded = load(tmp_path, BUMP.replace("ENGINE", engine).replace("RATE", "240") + "trace: {rate: 10 Hz}\n")
+    loaded = load(tmp_path, BUMP.replace("ENGINE", installed()[0]).replace("RATE", "240") + "trace: {rate: 10 Hz}\n")
     scene = build_scene(loaded)
     run = simulate(loaded.scenario, scene, lambda _: None)
     assert len(run.trace) < 40

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.engines import installed
-from sim_action.simulation.loop import SimulationRun
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 from sim_action.world import GRAVITY
 from tests.simulated import simulated
@@ -34,8 +34,8 @@ trace: {{rate: 240 Hz}}
 """
 
 
-def run(folder: Path, engine: str, speed: float) -> SimulationRun:
-    return simulated(folder, f"{SCENARIO.replace('SPEED', str(speed))}sensors:\n{SENSORS}backend: {engine}\n")
+def run(folder: Path, engine: str, speed: float) -> Trace:
+    return simulated(folder, f"{SCENARIO.replace('SPEED', str(speed))}sensors:\n{SENSORS}backend: {engine}\n").trace
 
 
 def forces(records: Mapping[str, SensorRecord]) -> dict[str, float]:
@@ -45,7 +45,7 @@ def forces(records: Mapping[str, SensorRecord]) -> dict[str, float]:
 
 @every_engine
 def test_the_ground_carries_the_weight(engine: str, tmp_path: Path) -> None:
-    found = forces(run(tmp_path, engine, 0.0).trace.sensors)
+    found = forces(run(tmp_path, engine, 0.0).sensors)
     weight = burger().mass * GRAVITY
     assert sum(found.values()) == pytest.approx(weight, rel=0.01)
     # The mass is 3 cm behind the axle, the caster 8 cm.
@@ -56,7 +56,7 @@ def test_the_ground_carries_the_weight(engine: str, tmp_path: Path) -> None:
 
 @every_engine
 def test_a_bumper_touches_the_wall_when_it_is_there(engine: str, tmp_path: Path) -> None:
-    trace = run(tmp_path, engine, 0.2).trace
+    trace = run(tmp_path, engine, 0.2)
     record = trace.sensors["base_footprint"]
     touching = record.columns["touching"].astype(bool)
     ahead = trace.rows(slice(0, len(record))).base_position_xyz[:, 0]

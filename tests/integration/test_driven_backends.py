@@ -13,23 +13,22 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.state.trace import Trace
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
+from tests.physics.robots import collision, diagonal, inertial, link, robot
 
 pytestmark = on_every_engine
 
 # On ice; its centre of mass is not where its link is.
-PUCK = """
-<robot name="puck"><link name="puck">
-  <inertial><origin xyz="0.3 0.1 0"/><mass value="4"/>
-  <inertia ixx="0.5" iyy="0.5" izz="0.8" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><origin xyz="0.3 0.1 0"/><geometry><box size="1 1 0.1"/></geometry></collision>
-  <contact><lateral_friction value="0"/></contact>
-</link></robot>
-"""
+PUCK = robot(
+    link(
+        "puck",
+        inertial(4.0, (0.5, 0.5, 0.8), (0.3, 0.1, 0.0)) + collision('<box size="1 1 0.1"/>', (0.3, 0.1, 0.0)),
+        friction=0.0,
+    )
+)
 
 
 def pushed(engine: str, folder: Path, push: BasePush, steps: int, **pose: float) -> Trace:
-    with running(engine, scene_of(folder, PUCK, at(**pose))) as backend:
-        return advance(backend, 0, steps, JointTargets(base=push))
+    return travelled(engine, scene_of(folder, PUCK, at(**pose)), steps, JointTargets(base=push))
 
 
 def test_a_push_is_force_over_mass_until_it_is_as_fast_as_wanted(engine: str, tmp_path: Path) -> None:
@@ -76,24 +75,17 @@ def test_a_push_lasts_until_another_or_until_the_base_is_let_go(
 
 
 # The wheel's axle is its link's z, which lies along y; its inertia stands in a frame of its own, where the axle is x.
-WHEEL = """
-<robot name="wheel">
-  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
+WHEEL = f"""<robot name="wheel"><link name="base">{inertial(1.0, (1.0, 1.0, 1.0))}</link>
   <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>
     <origin rpy="-1.5707963267948966 0 0"/><axis xyz="0 0 1"/></joint>
   <link name="wheel"><inertial><origin rpy="0 -1.5707963267948966 0"/><mass value="1"/>
-  <inertia ixx="0.1" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
-</robot>
-"""
+  {diagonal((0.1, 0.05, 0.05))}</inertial></link></robot>"""
 
 
 @pytest.mark.parametrize(("rotors", "inertia"), [({}, 0.1), ({"axle": 0.4}, 0.5)])
 def test_a_torque_turns_a_wheel_together_with_the_rotor_of_its_motor(
     engine: str, rotors: dict[str, float], inertia: float, tmp_path: Path
 ) -> None:
-    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.0))
-    trace = travelled(
-        engine, replace(scene_of(tmp_path, WHEEL, robot), rotors=rotors), 240, JointTargets(effort={"axle": 2.0})
-    )
+    scene = scene_of(tmp_path, WHEEL, Robot(model="robot.urdf", base="fixed", pose=Placement(z=1.0)))
+    trace = travelled(engine, replace(scene, rotors=rotors), 240, JointTargets(effort={"axle": 2.0}))
     assert trace.joint_velocity[-1, 0] == pytest.approx(2.0 / inertia, rel=1e-6)

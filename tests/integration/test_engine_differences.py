@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,10 @@ import pytest
 
 from sim_action.engines import ENGINES, installed, named_version
 from sim_action.state.trace_storage import load_trace
-from tests.integration.conftest import fresh_sim_action, sim_action
+from tests.integration.conftest import fresh_sim_action, outcomes, sim_action
 from tests.integration.engines import BALL
+from tests.physics.robots import inertial, joint, link, robot
+from tests.scenarios import LEAST
 from tests.soak import soaked
 
 ENGINE_NAMES = tuple(ENGINES)
@@ -27,28 +28,16 @@ duration: 1 s
 time_limit: 1 s
 """
 # A swinging arm on a rail, each link with its inertia.
-ARM = """\
-<robot name="arm">
-  <link name="post"/>
-  <link name="slider">
-    <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-  </link>
-  <link name="fork">
-    <inertial>
-      <origin xyz="0.3 0 0"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
-    </inertial>
-  </link>
-  <link name="tip"/>
-  <joint name="rail" type="prismatic">
-    <parent link="post"/><child link="slider"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="1" effort="100" velocity="10"/>
-  </joint>
-  <joint name="swing" type="continuous">
-    <parent link="slider"/><child link="fork"/><axis xyz="0 1 0"/>
-  </joint>
-  <joint name="mount" type="fixed"><parent link="fork"/><child link="tip"/><origin xyz="0.6 0 0"/></joint>
-</robot>
-"""
+RAIL = 'lower="-1" upper="1" effort="100" velocity="10"'
+ARM = robot(
+    link("post", ""),
+    link("slider", inertial(1.0, (0.01, 0.01, 0.01))),
+    link("fork", inertial(1.0, (0.01, 0.01, 0.01), (0.3, 0.0, 0.0))),
+    link("tip", ""),
+    joint("rail", "prismatic", "post", "slider", axis=(1.0, 0.0, 0.0), limit=RAIL),
+    joint("swing", "continuous", "slider", "fork"),
+    joint("mount", "fixed", "fork", "tip", (0.6, 0.0, 0.0)),
+)
 SWINGS = """\
 name: swings
 robot: {model: MODEL, base: fixed, pose: {z: 2}, joints: {swing: 10 deg}}
@@ -63,19 +52,16 @@ def run(folder: Path, text: str, *flags: str) -> tuple[int, list[dict[str, Any]]
     """Exit code and outcomes."""
     (folder / "ball.urdf").write_text(BALL)
     (folder / "arm.urdf").write_text(ARM)
-    (folder / "arm.urdf.xacro").write_text(
-        ARM.replace('name="arm"', 'name="arm" xmlns:xacro="http://ros.org/wiki/xacro"')
-    )
+    xacro = ARM.replace("<robot", '<robot xmlns:xacro="http://ros.org/wiki/xacro"')
+    (folder / "arm.urdf.xacro").write_text(xacro)
     (folder / "a.sim.yml").write_text(text)
-    code = sim_action(folder, "run", *flags).returncode
-    return code, json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    return sim_action(folder, "run", *flags).returncode, outcomes(folder)
 
 
 def compared(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """The verdicts of an agreement by their names, without the engine."""
-    suffix = " as pybullet 3.2.7"
-    found = [each for each in outcome["expectations"] if each["assertion"] == "agreement"]
-    return {each["name"].removesuffix(suffix): each["verdict"] for each in found}
+    compared = [expected for expected in outcome["expectations"] if expected["assertion"] == "agreement"]
+    return {expected["name"].removesuffix(" as pybullet 3.2.7"): expected["verdict"] for expected in compared}
 
 
 FLAGS = [(), ("--no-report",), ("--repeat", "2")]
@@ -95,8 +81,7 @@ def test_the_distance_does_not_depend_on_the_rate_of_the_trace(
         found.append((code, first["status"], second["status"], verdict["measured"], verdict["time"]))
         # t = 0 and every step after it.
         assert verdict["judged"] == {"moments": 241, "first": 0.0, "last": 1.0}
-    assert len(set(found)) == 1
-    code, _, status, measured, time = found[0]
+    ((code, _, status, measured, time),) = set(found)
     assert (code, status) == (1, "failed")
     # The impact: no row of a trace at 10 Hz is near.
     assert measured > 5e-4
@@ -104,11 +89,11 @@ def test_the_distance_does_not_depend_on_the_rate_of_the_trace(
 
 
 def test_a_stored_trace_shows_less_than_there_is(tmp_path: Path) -> None:
-    _, outcomes = run(tmp_path, f"{DROP}agreement: {{position: 0.5 mm}}\n")
-    first, second = (load_trace(tmp_path / "sim-results" / outcome["trace"]) for outcome in outcomes)
+    _, both = run(tmp_path, f"{DROP}agreement: {{position: 0.5 mm}}\n")
+    first, second = (load_trace(tmp_path / "sim-results" / outcome["trace"]) for outcome in both)
     assert len(first) == len(second) == 11
     shown = abs(first.base_position_xyz - second.base_position_xyz).max()
-    assert shown < 0.5 * compared(outcomes[1])["the same position"]["measured"]
+    assert shown < 0.5 * compared(both[1])["the same position"]["measured"]
 
 
 def test_nothing_but_the_results_is_left(tmp_path: Path) -> None:
@@ -156,9 +141,9 @@ def test_a_bolted_arm_agrees_by_its_joints_and_links(model: str, tmp_path: Path)
 def test_an_agreement_about_nothing_is_refused_on_its_line(
     agreement: str, message: str, model: str, tmp_path: Path
 ) -> None:
-    code, outcomes = run(tmp_path, f"{SWINGS.replace('MODEL', model)}agreement: {agreement}\n")
+    code, both = run(tmp_path, f"{SWINGS.replace('MODEL', model)}agreement: {agreement}\n")
     assert code == 2
-    for outcome in outcomes:
+    for outcome in both:
         (failure,) = outcome["failures"]
         assert message in failure["message"]
         assert failure["location"]["line"] == 7
@@ -203,15 +188,10 @@ def control(observation):
 
 def test_runs_of_different_length_are_compared_up_to_the_end_of_the_shorter_one(tmp_path: Path) -> None:
     (tmp_path / "ctl.py").write_text(SLOWER_IN_MUJOCO)
-    text = """\
-name: drives
-robot: {model: turtlebot3_burger}
-commands: {script: ctl.py, function: control, rate: 10 Hz}
-expect: [{travel: {at_least: 1 m}}]
-agreement: {position: 1 m}
-time_limit: 5 s
-"""
-    code, (first, second) = run(tmp_path, text)
+    text = LEAST.replace("1.5 m", "1 m").replace(
+        "  twist:\n    - {linear: 1.0}", "  script: ctl.py\n  function: control"
+    )
+    code, (first, second) = run(tmp_path, f"{text}agreement: {{position: 1 m}}\n")
     assert code == 0
     assert second["sim_time"] - first["sim_time"] > 0.3
     position = compared(second)["the same position"]
@@ -248,9 +228,8 @@ def test_an_error_names_the_engine_that_ran(script: str, title: str, backend: st
     assert outcome["failures"][0]["title"] == title
     engine = named_version(installed()[0] if backend == "auto" else backend)
     assert outcome["engine"] == engine
-    results = tmp_path / "sim-results"
     for report in ("junit.xml", "report.html"):
-        assert engine in (results / report).read_text()
+        assert engine in (tmp_path / "sim-results" / report).read_text()
 
 
 @pytest.mark.parametrize("backend", ["auto", *ENGINE_NAMES])
@@ -262,7 +241,9 @@ def test_every_outcome_names_the_engine_that_ran(backend: str, tmp_path: Path) -
     run(tmp_path, f"{DROP}backend: {backend}\n")
     summary = tmp_path / "summary.md"
     said = sim_action(tmp_path, "run", GITHUB_STEP_SUMMARY=str(summary))
-    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
-    assert [(outcome["status"], outcome["engine"]) for outcome in outcomes] == [("passed", engine), ("error", engine)]
+    assert [(outcome["status"], outcome["engine"]) for outcome in outcomes(tmp_path)] == [
+        ("passed", engine),
+        ("error", engine),
+    ]
     assert said.stdout.count(engine) == 2
     assert summary.read_text().count(engine) >= 2

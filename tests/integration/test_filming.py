@@ -9,7 +9,6 @@ import pytest
 
 from sim_action.core.errors import SimulationUnstable
 from sim_action.recording.replay.build import make_replay, replay_of, stored_signals
-from sim_action.recording.replay.replay_data import Replay
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -41,12 +40,6 @@ def filmed(loaded: LoadedScenario, *, asked: bool = True) -> tuple[SimulationRun
     return run, footage.film()
 
 
-def replayed(loaded: LoadedScenario) -> Replay:
-    _, film = filmed(loaded)
-    assert film is not None
-    return replay_of(build_scene(loaded), film)
-
-
 @on_every_engine
 def test_a_run_that_is_filmed_is_the_same_run(engine: str, tmp_path: Path) -> None:
     loaded = load(tmp_path, BUSY.format(engine=engine))
@@ -75,7 +68,10 @@ def test_what_moves_is_where_it_was(engine: str, tmp_path: Path) -> None:
 
 @on_every_engine
 def test_a_replay_has_everything_at_its_place(engine: str, tmp_path: Path) -> None:
-    replay = replayed(load(tmp_path, BUSY.format(engine=engine)))
+    loaded = load(tmp_path, BUSY.format(engine=engine))
+    _, film = filmed(loaded)
+    assert film is not None
+    replay = replay_of(build_scene(loaded), film)
     frames, bodies = replay.frames, {body.name: body for body in replay.scene.bodies}
     time = frames.time.decoded(frames.count)
     assert (time[0], time[-1]) == (0.0, pytest.approx(2.0125))
@@ -85,9 +81,8 @@ def test_a_replay_has_everything_at_its_place(engine: str, tmp_path: Path) -> No
     assert height[time < 1.0] == pytest.approx(2.0, abs=1e-3)  # nobody sees where it waits
     assert height[-1] < 0.5
     assert (bodies["sign"].track, bodies["sign"].appears, bodies["wall"].track) == (None, 1.0, None)
-    assert {(replay.scene.links[c.link].name, replay.scene.bodies[c.body].name) for c in replay.contacts} == {
-        ("base_footprint", "wall")
-    }
+    touches = {(replay.scene.links[touch.link].name, replay.scene.bodies[touch.body].name) for touch in replay.contacts}
+    assert touches == {("base_footprint", "wall")}
 
 
 SEEN_OBJECTS = """\
@@ -120,22 +115,18 @@ def test_assertions_about_objects_have_curves_in_the_replay(engine: str, tmp_pat
     assert footage.start is not None
     assert {len(record) for record in film.objects.values()} == {len(film)}
     make_replay(loaded.scenario, scene, footage.start, film, tmp_path / "run.html")
-    found = {
-        (curve.expectation, curve.name): curve for curve in stored_signals(loaded.scenario, scene, footage.start, film)
-    }
-    assert {number for number, _ in found} == {0, 1, 2}
+    curves = stored_signals(loaded.scenario, scene, footage.start, film)
+    assert {curve.expectation for curve in curves} == {0, 1, 2}
     assert all(verdict.passed for verdict in run.verdicts)
-    height = next(curve for (number, name), curve in found.items() if number == 0 and name != "robustness")
-    fallen = height.values.decoded(len(film))
-    at = film.bodies["ball"].position_xyz[-1, 2]
-    assert fallen[0] == pytest.approx(film.bodies["ball"].position_xyz[0, 2], abs=0.02)
-    assert fallen[-1] == pytest.approx(at, abs=0.1)
+    height = next(curve for curve in curves if curve.expectation == 0 and curve.name != "robustness")
+    fallen, ball = height.values.decoded(len(film)), film.bodies["ball"].position_xyz[:, 2]
+    assert fallen[0] == pytest.approx(ball[0], abs=0.02)
+    assert fallen[-1] == pytest.approx(ball[-1], abs=0.1)
 
 
 def test_what_explodes_has_been_seen_until_then(tmp_path: Path) -> None:
     # It speeds up by 1 m/s^2.
-    text = f"{LEAST}physics: {{max_speed: 0.3 m/s}}\n"
-    loaded = load(tmp_path, text)
+    loaded = load(tmp_path, f"{LEAST}physics: {{max_speed: 0.3 m/s}}\n")
     footage = RunRecorder(loaded.scenario, filmed=True)
     with pytest.raises(SimulationUnstable):
         simulate(loaded.scenario, build_scene(loaded), lambda _: None, footage)

@@ -18,21 +18,19 @@ CUBE = {"name": "cube", "box": [0.05, 0.05, 0.05], "mass": 0.2, "pose": {"z": 0.
 def run(
     folder: Path, engine: str, efforts: dict[str, float], *asked: dict[str, Any], **cube: Any
 ) -> tuple[Verdict, ...]:
-    (folder / "gripper.urdf").write_text(GRIPPER.read_text())
-    commands = [{"joints": [{"at": 0.0, "effort": efforts}], "interpolation": "hold"}] if efforts else []
+    commands = {"commands": [{"joints": [{"at": 0.0, "effort": efforts}], "interpolation": "hold"}]} if efforts else {}
     scenario = {
         "name": "a gripper",
-        "robot": {"model": "gripper.urdf", "base": "fixed", "pose": {"z": 0}, "self_collision": False},
+        "robot": {"model": str(GRIPPER), "base": "fixed", "pose": {"z": 0}, "self_collision": False},
         "world": {"objects": [{**CUBE, **cube}]},
         "expect": [{"grasped": {"object": "cube", "by": ["*_finger"], **one}, "severity": "warning"} for one in asked],
         "allow": ["warnings-only"],
         "duration": 0.6,
         "time_limit": 0.6,
         "backend": engine,
+        **commands,
     }
-    if commands:
-        scenario["commands"] = commands
-    return simulated(folder, scenario).verdicts
+    return simulated(folder, scenario, outside=True).verdicts
 
 
 @on_every_engine

@@ -29,9 +29,9 @@ SENSOR = "sensors:\n  - {imu: {}, rate: 20 Hz, pose: {x: 0.1, z: 0.05}, trace: t
 def record(folder: Path, engine: str, twist: str) -> SensorRecord:
     text = LEAST.replace("{linear: 1.0}", twist).replace("travel: {at_least: 1.5 m}", "upright: {}")
     run = simulated(folder, text.replace("30 s", "3 s") + f"{SENSOR}backend: {engine}\n")
-    (found,) = run.trace.sensors.values()
-    assert found.time.tolist() == [tick / 20 for tick in range(60)]
-    return found
+    (readings,) = run.trace.sensors.values()
+    assert readings.time.tolist() == [tick / 20 for tick in range(60)]
+    return readings
 
 
 @pytest.mark.parametrize("engine", installed())

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Final
 
 import pytest
 
+from sim_action.app.inspect import inspect_apart
+from sim_action.core.errors import ModelError
+from sim_action.core.workspace import Workspace
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.model import MEMORY
 from tests.integration.conftest import sim_action
 
@@ -22,25 +24,6 @@ MODEL: Final = """\
 </robot>
 """
 
-# The bound of time is one that a test can wait for, where it is waited for.
-CALLER: Final = """
-import sys
-from pathlib import Path
-from sim_action.core.errors import ModelError
-from sim_action.app.inspect import inspect_apart
-from sim_action.core.workspace import Workspace
-from sim_action.robot.model.robot_spec import Robot
-
-here = Path.cwd()
-try:
-    seconds = float(sys.argv[1])
-    memory = int(sys.argv[3])
-    print(inspect_apart(Robot(model=sys.argv[2]), Workspace(here, here), seconds=seconds, memory=memory).mass)
-except ModelError as error:
-    sys.exit(str(error))
-"""
-
-
 MJCF: Final = """\
 <mujoco><worldbody><body name="base"><geom size="0.1" mass="2"/>
   <replicate count="{count}" offset="1 0 0"><replicate count="200" offset="0 1 0">
@@ -49,42 +32,31 @@ MJCF: Final = """\
 """
 
 
-def looked(folder: Path, value: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-    return inspected(folder, "bot.xacro", MODEL.format(value=value), seconds, memory=1 << 29)
-
-
-def inspected(
-    folder: Path, name: str, text: str, seconds: float, memory: int = MEMORY
-) -> subprocess.CompletedProcess[str]:
+def mass(folder: Path, name: str, text: str, seconds: float = 60, memory: int = MEMORY) -> float:
+    """The mass that a look of a limited time finds."""
     (folder / name).write_text(text)
-    call = [sys.executable, "-c", CALLER, str(seconds), name, str(memory)]
-    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+    return inspect_apart(Robot(model=name), Workspace(folder, folder), seconds, memory).mass
 
 
-def test_what_is_evaluated_in_time_is_told(tmp_path: Path) -> None:
-    found = looked(tmp_path, "${1 / 2}")
-    assert (found.returncode, found.stdout, found.stderr) == (0, "2.0\n", "")
-
-
-def test_what_is_never_done_is_ended(tmp_path: Path) -> None:
-    found = looked(tmp_path, "${9**9**9}", seconds=1)
-    assert found.returncode == 1
-    assert found.stderr == "bot.xacro: the evaluation was stopped after 1 s; check the file for an endless recursion\n"
-
-
-def test_what_takes_too_much_memory_is_told(tmp_path: Path) -> None:
-    found = looked(tmp_path, "${len('a' * 10**10)}")
-    assert found.returncode == 1
-    assert "bot.xacro:5: out of memory" in found.stderr
+@pytest.mark.parametrize(
+    ("value", "seconds", "message"),
+    [
+        ("${9**9**9}", 1, "^bot.xacro: the evaluation was stopped after 1 s; check the file for an endless recursion$"),
+        ("${len('a' * 10**10)}", 60, "bot.xacro:5: out of memory"),
+    ],
+)
+def test_an_evaluation_that_takes_too_much_is_ended(value: str, seconds: int, message: str, tmp_path: Path) -> None:
+    assert mass(tmp_path, "bot.xacro", MODEL.format(value="${1 / 2}"), memory=1 << 29) == 2.0
+    with pytest.raises(ModelError, match=message):
+        mass(tmp_path, "bot.xacro", MODEL.format(value=value), seconds, memory=1 << 29)
 
 
 def test_mjcf_is_limited_too(tmp_path: Path) -> None:
     """MuJoCo needs more than a minute for 200 x 200 shapes."""
-    found = inspected(tmp_path, "bot.xml", MJCF.format(count=1), 60)
-    assert (found.returncode, found.stdout, found.stderr) == (0, "2.0\n", "")
-    found = inspected(tmp_path, "bot.xml", MJCF.format(count=200), 1)
-    message = "bot.xml: reading it was stopped after 1 s; simplify the model, or reduce the counts of <replicate>\n"
-    assert (found.returncode, found.stderr) == (1, message)
+    assert mass(tmp_path, "bot.xml", MJCF.format(count=1)) == 2.0
+    message = "^bot.xml: reading it was stopped after 1 s; simplify the model, or reduce the counts of <replicate>$"
+    with pytest.raises(ModelError, match=message):
+        mass(tmp_path, "bot.xml", MJCF.format(count=200), 1)
 
 
 @pytest.mark.parametrize(("value", "line", "rule"), [("${1 / 0}", 5, "bad-xacro"), ("${-1}", 5, "bad-shape")])

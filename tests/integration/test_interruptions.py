@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -12,13 +13,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 import junitparser
 import pytest
 import yaml
 
 from sim_action.results.results_json import Results
+from tests.integration.conftest import interpreter
 from tests.integration.marked_processes import processes_of
 from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
@@ -35,8 +37,6 @@ time_limit: 5 s
 ENDLESS: Final = QUICK.replace("a-quick", "b-endless").replace("{twist: [{linear: 0.5}]}", "{script: endless.py}")
 SCRIPT: Final = """\
 from pathlib import Path
-
-
 def control(observation):
     Path(__file__).with_name("began").touch()
     while True:
@@ -44,22 +44,18 @@ def control(observation):
 """
 
 # A signal right before a module is imported; the rest is as the console script does it.
-AT_IMPORT: Final = """\
-import os
-import sys
-
-number, module, *sys.argv[1:] = sys.argv[1:]
-
-
+FINDER: Final = """\
+import os, sys
 class Finder:
     @staticmethod
     def find_spec(name, path, target=None):
         if name == module:
             os.kill(os.getpid(), int(number))
-
-
+"""
+AT_IMPORT: Final = f"""\
+{FINDER}
+number, module, *sys.argv[1:] = sys.argv[1:]
 from sim_action.__main__ import main
-
 sys.meta_path.insert(0, Finder)
 main()
 """
@@ -90,18 +86,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def running(folder: Path, *before: str, streams: int | None = None) -> Iterator[subprocess.Popen[bytes]]:
-    """A run with one job; `before`: what starts it; `streams`: the descriptor of standard output and standard error."""
+def running(folder: Path, *before: str, stream: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[bytes]]:
+    """A run with one job; `before`: what starts it; `stream`: its standard output and standard error."""
     words = [*before, sys.executable, "-m", "sim_action", "run", ".", "--jobs", "1"]
-    stream: int | IO[bytes] = subprocess.DEVNULL if streams is None else streams
-    process = subprocess.Popen(
-        words,
-        cwd=folder,
-        stdout=stream,
-        stderr=stream,
-        env={**ENVIRONMENT, "ROS_MARK": str(folder)},
-        start_new_session=True,
-    )
+    variables = {**ENVIRONMENT, "ROS_MARK": str(folder)}
+    process = subprocess.Popen(words, cwd=folder, stdout=stream, stderr=stream, env=variables, start_new_session=True)
     try:
         yield process
     finally:
@@ -117,13 +106,13 @@ def reported(folder: Path) -> Mapping[str, str]:
     """Name -> status or kind of failure in all reports, which have to agree."""
     results = folder / "sim-results"
     outcomes = Results.read(results / "results.json").outcomes
-    found = {each.name: each.failures[0].kind if each.failures else each.status for each in outcomes}
+    kinds = {outcome.name: outcome.failures[0].kind if outcome.failures else outcome.status for outcome in outcomes}
     suites = list(junitparser.JUnitXml.fromfile(str(results / "junit.xml")))
-    assert [suite.name for suite in suites] == [each.name for each in outcomes]
-    assert [bool(suite.errors) for suite in suites] == [each.status == "error" for each in outcomes]
+    in_suites = [(suite.name, bool(suite.errors)) for suite in suites]
+    assert in_suites == [(outcome.name, outcome.status == "error") for outcome in outcomes]
     assert (results / "report.html").read_text().rstrip().endswith("</html>")
     assert not [path for path in results.rglob(".*") if path.name != ".gitignore"]
-    return found
+    return kinds
 
 
 def test_a_run_whose_parent_ignored_the_ends_of_its_children_has_its_verdicts(folder: Path) -> None:
@@ -150,9 +139,8 @@ def test_a_signal_leaves_reports_of_what_had_finished(folder: Path, number: sign
 def test_a_run_below_nohup_goes_on_when_the_terminal_is_closed(folder: Path) -> None:
     with running(folder, "nohup") as process:
         await_endless(folder)
-        process.send_signal(signal.SIGHUP)
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(0.5)
+        (ignored,) = re.findall(r"SigIgn:\s*(\w+)", Path(f"/proc/{process.pid}/status").read_text())
+        assert int(ignored, 16) & 1 << signal.SIGHUP - 1
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 130
     assert reported(folder)["a-quick"] == "passed"
@@ -161,7 +149,7 @@ def test_a_run_below_nohup_goes_on_when_the_terminal_is_closed(folder: Path) -> 
 @pytest.mark.parametrize("hangs_up", soaked([False, True], short=[True]))
 def test_a_closed_terminal_loses_no_report(folder: Path, hangs_up: bool) -> None:
     master, slave = pty.openpty()
-    with running(folder, streams=slave) as process:
+    with running(folder, stream=slave) as process:
         os.close(slave)
         await_endless(folder)
         # From now on, each write to the terminal fails with EIO.
@@ -219,26 +207,17 @@ def test_a_command_that_only_prints_ends_at_once(folder: Path, number: signal.Si
 def at_import(folder: Path, module: str, number: signal.Signals, *arguments: str) -> int:
     """Return the exit code of a command line that gets a signal right before it imports a module."""
     (folder / "at_import.py").write_text(AT_IMPORT)
-    words = [sys.executable, "at_import.py", str(int(number)), module, *arguments]
-    ran = subprocess.run(words, cwd=folder, env=ENVIRONMENT, capture_output=True, check=False, timeout=PATIENCE)
-    return ran.returncode
+    words = ("at_import.py", str(int(number)), module, *arguments)
+    return interpreter(folder, *words, env=ENVIRONMENT).returncode
 
 
 def test_a_cancelled_action_reports_from_its_start_on(folder: Path) -> None:
-    finder = AT_IMPORT.split("class Finder")[1].split("from sim_action")[0]
-    held = f"import os\nimport sys\n\nnumber, module = {int(signal.SIGTERM)}, 'click'\n\n\nclass Finder{finder}"
-    (folder / "sitecustomize.py").write_text(f"{held}sys.meta_path.insert(0, Finder)\n")
+    held = f"{FINDER}number, module = {int(signal.SIGTERM)}, 'click'\nsys.meta_path.insert(0, Finder)\n"
+    (folder / "sitecustomize.py").write_text(held)
     inputs = yaml.safe_load((ROOT / "action.yml").read_text())["inputs"]
-    given = {f"INPUT_{name.upper().replace('-', '_')}": str(inputs[name]["default"]) for name in inputs}
-    ran = subprocess.run(
-        [sys.executable, "-P", ROOT / "action" / "run.py", "run"],
-        cwd=folder,
-        env={**ENVIRONMENT, **given, "PYTHONPATH": f"{folder}:{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+    defaults = {f"INPUT_{name.upper().replace('-', '_')}": str(inputs[name]["default"]) for name in inputs}
+    variables = {**ENVIRONMENT, **defaults, "PYTHONPATH": f"{folder}:{ROOT}"}
+    ran = interpreter(folder, "-P", ROOT / "action/run.py", "run", env=variables)
     assert ran.returncode == 130, ran.stderr
     assert set(reported(folder).values()) == {"interrupted"}
 

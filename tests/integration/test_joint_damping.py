@@ -13,15 +13,16 @@ import pytest
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
-from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
+from tests.integration.engines import advance, at, inertia, on_every_engine, running, scene_of, travelled
+from tests.physics.robots import diagonal
 
 pytestmark = on_every_engine
 G = 9.80665
 
 
 def link(name: str, mass: float = 0.1, moment: float = 1e-4, com: str = "0 0 0") -> str:
-    inertia = f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/>'
-    return f'<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>{inertia}</inertial></link>'
+    inside = f'<origin xyz="{com}"/><mass value="{mass}"/>{inertia(moment)}'
+    return f'<link name="{name}"><inertial>{inside}</inertial></link>'
 
 
 def joint(name: str, ends: str, axis: str, damping: float, *, origin: str = "0 0 0", kind: str = "") -> str:
@@ -93,12 +94,8 @@ def test_a_slider_whose_damping_is_too_fast_for_the_steps_is_slowed_and_noted(en
     if engine == "pybullet":
         # Half of 0.1 kg in a step of 1/240 s.
         assert trace.joint_velocity[-1, 0] == pytest.approx(1 / 12, rel=0.02)
-        assert list(notes) == [
-            (
-                "joint 'j' has a damping of 100 N s/m, but at 240 Hz pybullet can simulate only 12 N s/m; "
-                "set physics.rate to 2000 Hz for all of it"
-            )
-        ]
+        damping = "joint 'j' has a damping of 100 N s/m, but at 240 Hz pybullet can simulate only 12 N s/m; "
+        assert list(notes) == [f"{damping}set physics.rate to 2000 Hz for all of it"]
     else:
         assert trace.joint_velocity[-1, 0] == pytest.approx(0.01, rel=0.02)
         assert notes == ()
@@ -115,9 +112,8 @@ def mechanism(chance: Random, kinds: Sequence[str]) -> str:
     def part(name: str) -> str:
         mass, size = 10 ** chance.uniform(-2, 1), chance.uniform(0.01, 0.3)
         xx, yy, zz = (mass * size**2 * chance.uniform(0.55, 1) for _ in range(3))
-        inertia = f'<inertia ixx="{xx:.6g}" iyy="{yy:.6g}" izz="{zz:.6g}" ixy="0" ixz="0" iyz="0"/>'
         at = f'<origin xyz="{numbers(size)}" rpy="{numbers(3)}"/>'
-        return f'<link name="{name}"><inertial>{at}<mass value="{mass:.5g}"/>{inertia}</inertial></link>'
+        return f'<link name="{name}"><inertial>{at}<mass value="{mass:.5g}"/>{diagonal((xx, yy, zz))}</inertial></link>'
 
     parts = [part("l0")]
     for number in range(1, chance.randint(2, 5) + 1):

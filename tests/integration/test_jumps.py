@@ -27,16 +27,18 @@ def control(seen):
                         {jump}
     return Twist.planar(0)
 """
-JUMP = "pybullet.resetBasePositionAndOrientation(body, [{x}, 0, 0.05], [0, 0, {qz}, {qw}], physicsClientId=client)"
+TO_5_M = "[5, 0, 0.05], [0, 0, 0, 1]"
 
 
-def verdicts(folder: Path, jump: str, time: float, *expected: Any, **keys: Any) -> list[dict[str, Any]]:
+def verdict(folder: Path, pose: str, time: float, limit: str, **keys: Any) -> dict[str, Any]:
+    """On a limit of 1 for a robot that is put at a pose at a time."""
+    jump = f"pybullet.resetBasePositionAndOrientation(body, {pose}, physicsClientId=client)"
     (folder / "teleport.py").write_text(SCRIPT.format(time=time, jump=jump))
     scenario = {
         "name": "teleport",
         "robot": {"model": "turtlebot3_burger"},
         "commands": {"rate": "10 Hz", "script": "teleport.py"},
-        "expect": list(expected),
+        "expect": [{"max_speed": {limit: 1}}],
         "time_limit": 2,
         "duration": 2,
         "backend": "pybullet",
@@ -45,29 +47,26 @@ def verdicts(folder: Path, jump: str, time: float, *expected: Any, **keys: Any) 
     (folder / "teleport.sim.yml").write_text(json.dumps(scenario))
     ran = sim_action(folder, "run", "teleport.sim.yml")
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    found: list[dict[str, Any]] = outcomes(folder)
-    return [expectation["verdict"] for expectation in found[0]["expectations"]]
+    (expectation,) = outcomes(folder)[0]["expectations"]
+    return dict(expectation["verdict"])
 
 
 @pytest.mark.parametrize("time", [0.0, 0.4, 1.0])
 def test_a_teleport_breaks_a_limit_of_speed(time: float, tmp_path: Path) -> None:
-    jump = JUMP.format(x=5, qz=0, qw=1)
-    (verdict,) = verdicts(tmp_path, jump, time, {"max_speed": {"linear": 1}})
-    assert not verdict["passed"]
-    assert verdict["time"] == pytest.approx(time + 1 / 240)
-    assert verdict["measured"] == pytest.approx(1200, rel=0.02)
-    assert verdict["message"].startswith("jumped 5.0")
+    jumped = verdict(tmp_path, TO_5_M, time, "linear")
+    assert not jumped["passed"]
+    assert jumped["time"] == pytest.approx(time + 1 / 240)
+    assert jumped["measured"] == pytest.approx(1200, rel=0.02)
+    assert jumped["message"].startswith("jumped 5.0")
 
 
 def test_a_turn_at_once_breaks_a_limit_of_the_turn_rate(tmp_path: Path) -> None:
-    jump = JUMP.format(x=0, qz=1, qw=0)
-    (verdict,) = verdicts(tmp_path, jump, 0.5, {"max_speed": {"angular": 1}})
-    assert verdict["message"].startswith("jumped by 180 deg")
+    turned = verdict(tmp_path, "[0, 0, 0.05], [0, 0, 1, 0]", 0.5, "angular")
+    assert turned["message"].startswith("jumped by 180 deg")
 
 
 def test_a_teleport_past_a_wall_is_a_jump_and_no_missed_contact(tmp_path: Path) -> None:
     """No rate of the physics would see it."""
     wall = {"name": "wall", "box": [0.002, 2, 2], "pose": {"x": 2}}
-    jump = JUMP.format(x=5, qz=0, qw=1)
-    (verdict,) = verdicts(tmp_path, jump, 0.5, {"max_speed": {"linear": 1}}, world={"objects": [wall]})
-    assert verdict["message"].startswith("jumped 5.0")
+    jumped = verdict(tmp_path, TO_5_M, 0.5, "linear", world={"objects": [wall]})
+    assert jumped["message"].startswith("jumped 5.0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from typing import Final
@@ -11,18 +12,11 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.engines import installed
-from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
 from tests.soak import soaked
 
-SCENARIO: Final = """\
-name: {name}
-robot: {{model: turtlebot3_burger}}
-commands: {{script: {name}.py}}
-expect: [{{travel: {{at_least: 0.1 m}}}}]
-time_limit: 5 s
-"""
 DRIVES: Final = """\
 import os, pathlib, shutil, sys, tempfile, time
 from sim_action import Twist
@@ -34,10 +28,15 @@ def control(observation):
 ONCE: Final = "if observation.time == 0: "
 
 
+def scenario(name: str, commands: str) -> str:
+    head = f"name: {name}\nrobot: {{model: turtlebot3_burger}}\ncommands: {commands}\n"
+    return f"{head}expect: [{{travel: {{at_least: 0.1 m}}}}]\ntime_limit: 5 s\n"
+
+
 def write(folder: Path, name: str, body: str = "pass", before: str = "") -> None:
     lines = "\n".join(f"    {line}" for line in body.splitlines())
     (folder / f"{name}.py").write_text(DRIVES.format(before=before, body=lines))
-    (folder / f"{name}.sim.yml").write_text(SCENARIO.format(name=name))
+    (folder / f"{name}.sim.yml").write_text(scenario(name, f"{{script: {name}.py}}"))
 
 
 def run(folder: Path, *arguments: str, code: int = 0, **environment: str) -> dict[str, Outcome]:
@@ -48,43 +47,41 @@ def run(folder: Path, *arguments: str, code: int = 0, **environment: str) -> dic
     return {outcome.name: outcome for outcome in Results.read(folder / "out/results.json").outcomes}
 
 
-def failure(outcome: Outcome) -> Failure:
-    (found,) = outcome.failures
-    return found
-
-
 def remarks(outcome: Outcome) -> list[str]:
     """The notes, without that on the drive."""
     return [note for note in outcome.notes if not note.startswith("recognised")]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")
-def test_a_script_that_removes_all_scratch_folders_harms_no_verdict(tmp_path: Path) -> None:
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
+@pytest.fixture
+def scratch(tmp_path: Path) -> Iterator[Path]:
+    """The folder for temporary files, which is empty in the end."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    yield folder
+    assert list(folder.iterdir()) == []
+
+
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")
+
+
+@on_linux
+def test_a_script_that_removes_all_scratch_folders_harms_no_verdict(tmp_path: Path, scratch: Path) -> None:
     remove = "for each in pathlib.Path(os.environ['TMPDIR']).glob('sim-action-*'): shutil.rmtree(each)"
     write(tmp_path, "remover", remove)
     write(tmp_path, "other", "print('printed')")
-    (tmp_path / "plain.sim.yml").write_text(
-        SCENARIO.format(name="plain").replace("{script: plain.py}", "{twist: [{linear: 0.5}]}")
-    )
-    found = run(tmp_path, "--jobs", "3", TMPDIR=str(scratch))
-    assert {outcome.status for outcome in found.values()} == {"passed"}
-    assert "printed" in found["other"].output
-    assert list(scratch.iterdir()) == []
+    (tmp_path / "plain.sim.yml").write_text(scenario("plain", "{twist: [{linear: 0.5}]}"))
+    ended = run(tmp_path, "--jobs", "3", TMPDIR=str(scratch))
+    assert {outcome.status for outcome in ended.values()} == {"passed"}
+    assert "printed" in ended["other"].output
 
 
-def test_a_scenario_has_its_scratch_folder_while_it_runs(tmp_path: Path) -> None:
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
+def test_a_scenario_has_its_scratch_folder_while_it_runs(tmp_path: Path, scratch: Path) -> None:
     for name in ("a", "b"):
         write(tmp_path, name, f"{ONCE}print(len(list(pathlib.Path({str(scratch)!r}).iterdir())), tempfile.mkdtemp())")
-    found = run(tmp_path, "--jobs", "1", TMPDIR=str(scratch))
-    for outcome in found.values():
+    for outcome in run(tmp_path, "--jobs", "1", TMPDIR=str(scratch)).values():
         number, folder = outcome.output.split()
         assert number == "1"
         assert Path(folder).is_relative_to(scratch)
-    assert list(scratch.iterdir()) == []
 
 
 GOES: Final = {
@@ -99,10 +96,9 @@ GOES: Final = {
 def test_a_script_that_goes_elsewhere_leaves_its_files_in_the_output_folder(tmp_path: Path, where: str) -> None:
     (tmp_path / "deep").mkdir()
     write(tmp_path / "deep", "goes", before=GOES[where])
-    found = run(tmp_path, "--record", "csv")
-    assert found["goes"].status == "passed"
-    assert remarks(found["goes"]) == []
-    files = (found["goes"].trace, found["goes"].replay, *found["goes"].recordings)
+    outcome = run(tmp_path, "--record", "csv")["goes"]
+    assert (outcome.status, remarks(outcome)) == ("passed", [])
+    files = (outcome.trace, outcome.replay, *outcome.recordings)
     assert files == ("traces/goes.npz", "replays/goes.json.gz", "recordings/goes.csv")
     assert all((tmp_path / "out" / str(name)).is_file() for name in files)
     assert list((tmp_path / "deep").rglob("*.npz")) == []
@@ -120,8 +116,8 @@ KINDS: Final = {"npz": "trace", "json.gz": "replay", "csv": "recording"}
     ),
 )
 def test_evidence_that_cannot_be_written_is_a_note(tmp_path: Path, ending: str, reason: str) -> None:
-    kinds, out = KINDS, tmp_path / "out"
-    folder = out / f"{kinds[ending]}s"
+    kind, out = KINDS[ending], tmp_path / "out"
+    folder = out / f"{kind}s"
     if reason == "exists":
         block = f"{str(out)!r}).mkdir(exist_ok=True); pathlib.Path({str(folder)!r}).write_text('')"
     else:
@@ -130,19 +126,18 @@ def test_evidence_that_cannot_be_written_is_a_note(tmp_path: Path, ending: str, 
     outcome = run(tmp_path, "--record", "csv")["it"]
     assert outcome.status == "passed"
     (note,) = remarks(outcome)
-    assert note.startswith(kinds[ending])
+    assert note.startswith(kind)
     assert reason in note
     named = {"trace": outcome.trace, "replay": outcome.replay, "recording": outcome.recordings or None}
-    assert [kind for kind, file in named.items() if file is None] == [kinds[ending]]
+    assert [kind for kind, file in named.items() if file is None] == [kind]
     assert [path.name for path in out.rglob(".*") if path.is_file()] == [".gitignore"]
 
 
 def test_a_text_that_is_no_unicode_is_escaped(tmp_path: Path) -> None:
     write(tmp_path, "it", "raise ValueError('cannot read map \\udcff.pgm')")
-    found = failure(run(tmp_path, code=1)["it"])
-    assert found.title == "script error"
-    assert found.message.endswith("the controller raised ValueError: cannot read map \\udcff.pgm")
-    assert found.location == Location("it.py", 5)
+    (failure,) = run(tmp_path, code=1)["it"].failures
+    assert (failure.title, failure.location) == ("script error", Location("it.py", 5))
+    assert failure.message.endswith("the controller raised ValueError: cannot read map \\udcff.pgm")
 
 
 SILENT_LEAK: Final = """\
@@ -159,21 +154,17 @@ except OSError:
     soaked(product([True, False], installed()), short=zip([True, False], (installed() * 2)[:2], strict=True)),
 )
 def test_exhausted_descriptors_cost_no_verdict(tmp_path: Path, at_import: bool, engine: str) -> None:
-    before = "leaked = []"
-    if at_import:
-        write(tmp_path, "it", before=f"{before}\n{SILENT_LEAK}")
-    else:
-        write(tmp_path, "it", SILENT_LEAK, before)
+    body, before = ("pass", SILENT_LEAK) if at_import else (SILENT_LEAK, "")
+    write(tmp_path, "it", body, f"leaked = []\n{before}")
     outcome = run(tmp_path, "--backend", engine, "--record", "csv")["it"]
-    assert outcome.status == "passed"
-    assert remarks(outcome) == []
+    assert (outcome.status, remarks(outcome)) == ("passed", [])
     assert None not in (outcome.trace, outcome.replay)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")
+@on_linux
 def test_a_process_that_is_killed_while_it_records_keeps_its_verdict(tmp_path: Path) -> None:
     kill = (
-        "import sim_action.recording.export.csv_tum as made\nmade.CsvTable.write = lambda *_: os.kill(os.getpid(), 9)"
+        "from sim_action.recording.export.csv_tum import CsvTable\nCsvTable.write = lambda *_: os.kill(os.getpid(), 9)"
     )
     write(tmp_path, "it", before=kill)
     outcome = run(tmp_path, "--record", "csv")["it"]
@@ -182,20 +173,20 @@ def test_a_process_that_is_killed_while_it_records_keeps_its_verdict(tmp_path: P
 
 
 REMOVES: Final = {
-    "its scratch folder": (f"{ONCE}shutil.rmtree(tempfile.gettempdir())", "passed"),
-    "its script": (f"{ONCE}os.remove(__file__)", "passed"),
-    "its folder": ("shutil.rmtree(os.path.dirname(__file__), ignore_errors=True)", "passed"),
-    "the output folder": (f"shutil.rmtree({'out'!r}, ignore_errors=True)", "passed"),
+    "its scratch folder": f"{ONCE}shutil.rmtree(tempfile.gettempdir())",
+    "its script": f"{ONCE}os.remove(__file__)",
+    "its folder": "shutil.rmtree(os.path.dirname(__file__), ignore_errors=True)",
+    "the output folder": "shutil.rmtree('out', ignore_errors=True)",
 }
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, these files lie in the scratch folder")
+@on_linux
 @pytest.mark.parametrize("what", soaked(REMOVES, short=["its folder", "the output folder"]))
 def test_a_script_that_removes_files_is_judged(tmp_path: Path, what: str) -> None:
     (tmp_path / "deep").mkdir()
-    write(tmp_path / "deep", "it", REMOVES[what][0])
+    write(tmp_path / "deep", "it", REMOVES[what])
     outcome = run(tmp_path, "--record", "csv")["it"]
-    assert outcome.status == REMOVES[what][1]
+    assert outcome.status == "passed"
     assert outcome.trace is not None
     assert (tmp_path / "out" / outcome.trace).is_file()
 
@@ -203,9 +194,7 @@ def test_a_script_that_removes_files_is_judged(tmp_path: Path, what: str) -> Non
 @pytest.mark.skipif(sys.platform == "win32", reason="os.getuid is missing")
 def test_a_golden_file_that_cannot_be_written_is_an_error_with_its_name(tmp_path: Path) -> None:
     write(tmp_path, "it", f"{ONCE}pathlib.Path('golden').write_text('')")
-    path = tmp_path / "it.sim.yml"
-    path.write_text(
-        path.read_text().replace("expect: [", "expect: [{matches: {trace: golden/it.csv, position: 1 cm}}, ")
-    )
-    found = failure(run(tmp_path, "--update-golden", code=2)["it"])
-    assert "golden/it.csv cannot be written: " in found.message
+    path, golden = tmp_path / "it.sim.yml", "{matches: {trace: golden/it.csv, position: 1 cm}}"
+    path.write_text(path.read_text().replace("expect: [", f"expect: [{golden}, "))
+    (failure,) = run(tmp_path, "--update-golden", code=2)["it"].failures
+    assert "golden/it.csv cannot be written: " in failure.message

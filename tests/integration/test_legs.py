@@ -12,10 +12,10 @@ import pytest
 from sim_action.robot.model.kinematics import centre_of_mass
 from sim_action.simulation.loop import SimulationRun
 from sim_action.state.command import JointTargets
-from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 from tests.integration.test_link_contacts import GRAVITY, table
+from tests.physics.robots import collision, inertial, joint, link, robot
 from tests.simulated import simulated
 
 CRANE = Path(__file__).parents[2] / "examples/assertions/crane.urdf"
@@ -34,22 +34,21 @@ def run(tmp_path: Path, engine: str, *expect: dict[str, Any], urdf: str = "", **
         "backend": engine,
         **keys,
     }
-    return simulated(tmp_path, repr(scenario).replace("'", '"').replace("True", "true"))
+    return simulated(tmp_path, scenario)
 
 
-def barely(tmp_path: Path, engine: str, margin: float, **keys: Any) -> tuple[Verdict, ...]:
+def barely(tmp_path: Path, engine: str, margin: float, **keys: Any) -> tuple[bool, ...]:
+    """The verdicts on a limit that is a little lower, and on one that is a little higher."""
     limits = (margin - 1e-3, margin + 1e-3)
     margins = ({"support_margin": {"links": ["foot_*"], "at_least": limit}} for limit in limits)
-    return run(tmp_path, engine, *margins, **keys).verdicts
+    return tuple(verdict.passed for verdict in run(tmp_path, engine, *margins, **keys).verdicts)
 
 
 @on_every_engine
 @pytest.mark.parametrize("aside", [0.0, 0.15])
 def test_the_margin_is_the_distance_to_the_nearest_edge(engine: str, aside: float, tmp_path: Path) -> None:
-    heavy = table().replace('<mass value="5.0"/>', f'<origin xyz="{aside} 0 0"/><mass value="5.0"/>')
     margin = min(0.15, 0.2 - 5.0 * aside / 5.8)
-    held, broken = barely(tmp_path, engine, margin, urdf=heavy)
-    assert (held.passed, broken.passed) == (True, False)
+    assert barely(tmp_path, engine, margin, urdf=table(aside)) == (True, False)
 
 
 @on_every_engine
@@ -57,8 +56,7 @@ def test_the_margin_is_seen_along_gravity(engine: str, tmp_path: Path) -> None:
     tilt = math.radians(20)
     gravity = [GRAVITY * math.sin(tilt), 0.0, -GRAVITY * math.cos(tilt)]
     margin = 0.2 * math.cos(tilt) - HEIGHT * math.sin(tilt)
-    held, broken = barely(tmp_path, engine, margin, world={"gravity": gravity})
-    assert (held.passed, broken.passed) == (True, False)
+    assert barely(tmp_path, engine, margin, world={"gravity": gravity}) == (True, False)
 
 
 @on_every_engine
@@ -95,42 +93,38 @@ def test_the_centre_of_mass_is_that_of_mujoco(tmp_path: Path) -> None:
             data, model = engine._data, engine._model
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            found = centre_of_mass(scene.model, trace)[-1]
-            assert found == pytest.approx(data.subtree_com[model.body("robot/platform").id], abs=1e-9)
+            centre = centre_of_mass(scene.model, trace)[-1]
+            assert centre == pytest.approx(data.subtree_com[model.body("robot/platform").id], abs=1e-9)
 
 
 @on_every_engine
 def test_the_force_on_the_ground_is_the_weight_and_that_of_a_foot_its_share(engine: str, tmp_path: Path) -> None:
     weight = 5.8 * GRAVITY
-    formulas = [
-        f"always (abs(force(ground) - {weight}) < {0.01 * weight})",
-        f"always (force(foot_2, ground) < {0.3 * weight})",
-    ]
-    found = run(
-        tmp_path,
-        engine,
-        *({"stl": formula, "after": 0.1} for formula in formulas),
+    post = {"objects": [{"name": "post", "box": [0.1, 0.1, 0.1], "pose": {"x": 3}}]}
+    asked: tuple[dict[str, Any], ...] = (
+        {"stl": f"always (abs(force(ground) - {weight}) < {0.01 * weight})", "after": 0.1},
+        {"stl": f"always (force(foot_2, ground) < {0.3 * weight})", "after": 0.1},
         {"contact": {"with": "ground", "at_least": 0.98 * weight, "at_most": 1.02 * weight, "for": 0.1}, "after": 0.1},
         {"contact": {"with": "ground", "link": "foot_1", "at_least": 0.3 * weight}},
         {"no_collision": {"allow": []}},
-        world={"objects": [{"name": "post", "box": [0.1, 0.1, 0.1], "pose": {"x": 3}}]},
     )
-    assert [verdict.passed for verdict in found.verdicts] == [True, True, True, False, True]
+    verdicts = run(tmp_path, engine, *asked, world=post).verdicts
+    assert [verdict.passed for verdict in verdicts] == [True, True, True, False, True]
     # Nothing asks for them: they are not recorded.
-    assert not run(
-        tmp_path, engine, {"contact": "post"}, world={"objects": [{"name": "post", "box": [1, 1, 1], "pose": {"x": 3}}]}
-    ).trace.contacts
+    assert not run(tmp_path, engine, {"contact": "post"}, world=post).trace.contacts
 
 
 @on_every_engine
 def test_a_leg_on_a_boom_stands_and_falls(engine: str, tmp_path: Path) -> None:
     """The root is the world. A hinge lets the other end of an arm of 1 m fall onto its foot."""
-    mass = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
-    boom = f"""<robot name="boom"><link name="world"/><link name="arm">{mass}</link>
-      <link name="foot">{mass}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
-      <joint name="hinge" type="continuous"><parent link="world"/><child link="arm"/><origin xyz="0 0 0.1"/>
-        <axis xyz="0 1 0"/></joint>
-      <joint name="end" type="fixed"><parent link="arm"/><child link="foot"/><origin xyz="1 0 0"/></joint></robot>"""
+    mass = inertial(1.0, (0.01, 0.01, 0.01))
+    boom = robot(
+        link("world", ""),
+        link("arm", mass),
+        link("foot", mass + collision('<sphere radius="0.05"/>')),
+        joint("hinge", "continuous", "world", "arm", (0.0, 0.0, 0.1)),
+        joint("end", "fixed", "arm", "foot", (1.0, 0.0, 0.0)),
+    )
     standing = {"feet_on_ground": {"links": ["foot"]}}
-    found = run(tmp_path, engine, {**standing, "after": 0.5}, standing, urdf=boom, time_limit=1, physics={"settle": 0})
-    assert [verdict.passed for verdict in found.verdicts] == [True, False]
+    ended = run(tmp_path, engine, {**standing, "after": 0.5}, standing, urdf=boom, time_limit=1, physics={"settle": 0})
+    assert [verdict.passed for verdict in ended.verdicts] == [True, False]

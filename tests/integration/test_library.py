@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from sim_action import Results, Scenario, load, run, validate
 from sim_action.errors import InvalidScenario, MissingScenario, SimActionError, UsageError
 from sim_action.parts import Travel, Upright
 from sim_action.results.journal import Finished, Started
-from tests.integration.conftest import outcomes
+from tests.integration.conftest import ACTION, interpreter, outcomes
 from tests.integration.conftest import sim_action as command_line
 
 FILE = """\
@@ -57,13 +57,26 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """The results of one run that passes and one that fails."""
+    folder = tmp_path_factory.mktemp("both")
+    for name, speed in (("a", 1), ("b", 0)):
+        (folder / f"{name}.sim.yml").write_text(FILE.format(name=name, tag=name, speed=speed))
+    return run(folder, report=False)
+
+
+@pytest.fixture
+def passed(tmp_path: Path) -> Results:
+    """The results of one run, in a folder of its own."""
+    return run(burger(), output_dir=tmp_path / "out")
+
+
 def test_results_are_those_of_the_command_line(folder: Path) -> None:
     results = run(folder)
     assert command_line(folder, "run", "--quiet").returncode == results.exit_code == 1
-    theirs = outcomes(folder)
-    assert [(each.name, each.status, each.digest) for each in results] == [
-        (each["name"], each["status"], each["digest"]) for each in theirs
-    ]
+    theirs = [(outcome["name"], outcome["status"], outcome["digest"]) for outcome in outcomes(folder)]
+    assert [(outcome.name, outcome.status, outcome.digest) for outcome in results] == theirs
     assert [each.status for each in results] == ["passed", "failed"]
     assert (results.passed, len(results), results["b"].passed) == (False, 2, False)
     (reason,) = results["b"].record.reasons
@@ -71,32 +84,26 @@ def test_results_are_those_of_the_command_line(folder: Path) -> None:
     assert repr(results["b"]) == f"Outcome(name='b', status='failed', {reason!r})"
 
 
-def test_a_table_has_a_row_for_each_expectation(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    results = run(folder, report=False)
+def test_a_table_has_a_row_for_each_expectation(both: Results, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(UsageError, match="pip install pandas"):
-        results.to_dataframe()
+        both.to_dataframe()
     monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=list))
-    rows = cast("list[dict[str, Any]]", results.to_dataframe())[::2]  # the other expectation is `upright`
-    assert [(row["scenario"], row["verdict"], row["unit"]) for row in rows] == [
-        ("a", "passed", "m"),
-        ("b", "failed", "m"),
-    ]
+    rows = cast("list[dict[str, Any]]", both.to_dataframe())[::2]  # the other expectation is `upright`
+    columns = [(row["scenario"], row["verdict"], row["unit"]) for row in rows]
+    assert columns == [("a", "passed", "m"), ("b", "failed", "m")]
     assert rows[1]["margin"] == rows[1]["measured"] - rows[1]["limit"] < 0
 
 
-def test_results_are_true_if_they_passed(folder: Path) -> None:
+def test_results_are_true_if_they_passed(both: Results) -> None:
     """So `assert run(...)` is a check, and `failures` names each reason not to pass."""
-    passed, failed = run(folder / "a.sim.yml", report=False), run(folder, report=False)
-    assert passed
-    assert passed[0]
-    assert passed[0].failures == ()
-    assert not failed
-    assert [bool(each) for each in failed] == [True, False]
-    (reason,) = failed["b"].failures
+    results = copy.deepcopy(both)
+    assert not results
+    assert [bool(outcome) for outcome in results] == [True, False]
+    assert results[0].failures == results["b"].errors == ()
+    (reason,) = results["b"].failures
     assert reason.message.startswith("travelled ")
     assert str(reason.location).endswith("b.sim.yml:5:11")
-    assert failed["b"].errors == ()
 
 
 def test_reasons_without_a_verdict_are_failures_and_errors(tmp_path: Path) -> None:
@@ -127,7 +134,7 @@ def test_a_scenario_of_a_program_runs_like_its_text(tmp_path: Path) -> None:
     scenario = burger()
     (tmp_path / "same.sim.yml").write_text(scenario.to_yaml())
     mine, same = run([scenario, tmp_path / "same.sim.yml"], output_dir=tmp_path / "out")
-    assert mine.passed
+    assert mine
     assert mine.digest == same.digest
     assert mine.trace.time[-1] == mine.sim_time
     assert mine.trace.base_position_xyz[-1, 0] > 0.05
@@ -135,14 +142,23 @@ def test_a_scenario_of_a_program_runs_like_its_text(tmp_path: Path) -> None:
 
 
 def test_a_temporary_folder_lasts_as_long_as_an_outcome(tmp_path: Path) -> None:
-    results: Results | None = run(burger())
-    assert results is not None
+    results = run(burger())
     place, outcome = results.folder, results[0]
     assert results.to_junit(tmp_path / "j.xml").read_bytes().startswith(b"<?xml")
     assert b"<html" in results.to_html(tmp_path / "r.html").read_bytes()
     del results
     assert len(outcome.trace.time) > 1
     del outcome
+    assert not place.exists()
+
+
+def test_copies_of_results_have_their_files() -> None:
+    results = run(burger())
+    place = results.folder
+    copied, also = copy.deepcopy(results), pickle.loads(pickle.dumps(results))
+    del results
+    assert len(copied[0].trace.time) == len(also[0].trace.time) > 1
+    del also
     assert not place.exists()
 
 
@@ -161,6 +177,13 @@ def test_a_current_folder_that_was_removed_is_reported(tmp_path: Path, monkeypat
     for call in (lambda: run(scenario), lambda: load(tmp_path), burger):
         with pytest.raises(SimActionError, match="the current folder does not exist any more"):
             call()
+
+
+def printed_by(folder: Path, *arguments: str) -> str:
+    """What an interpreter prints, which ends well and writes no error."""
+    ran = interpreter(folder, *arguments, env=os.environ)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    return ran.stdout
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems start no process for a call")
@@ -192,10 +215,7 @@ try:
 except UsageError as error:
     print(error)
 """
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
-    assert done.stderr == ""
-    assert done.stdout.splitlines() == [
+    assert printed_by(ACTION, "-c", program).splitlines() == [
         "the system refused a request: too many open files",
         "there can be no temporary folder: no such file or directory; set TMPDIR, or give an output folder",
     ]
@@ -213,37 +233,23 @@ if (pid := os.fork()) == 0:
 os.waitpid(pid, 0)
 assert len(results[0].trace.time) > 1
 """
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert printed_by(ACTION, "-c", program) == ""
 
 
-def test_copies_of_results_have_their_files() -> None:
-    results: Results | None = run(burger())
-    assert results is not None
-    place = results.folder
-    copied, also = copy.deepcopy(results), pickle.loads(pickle.dumps(results))
-    del results
-    assert len(copied[0].trace.time) == len(also[0].trace.time) > 1
-    del also
-    assert not place.exists()
-
-
-def test_files_that_have_gone_are_reported(tmp_path: Path) -> None:
-    results = run(burger(), output_dir=tmp_path / "out")
-    shutil.rmtree(tmp_path / "out")
-    for use in (lambda: results[0].trace, lambda: results.to_junit(tmp_path / "j"), lambda: results.to_html(tmp_path)):
+def test_files_that_have_gone_are_reported(passed: Results, tmp_path: Path) -> None:
+    shutil.rmtree(passed.folder)
+    for use in (lambda: passed[0].trace, lambda: passed.to_junit(tmp_path / "j"), lambda: passed.to_html(tmp_path)):
         with pytest.raises(UsageError, match="the folder of these results does not exist any more: "):
             use()
 
 
-def test_outcomes_are_found_by_name_index_and_slice(folder: Path) -> None:
-    results = run(folder, report=False)
-    assert [each.name for each in (results["a"], results[-1], *results[:1], *results[np.int64(1) :])] == [*"abab"]
+def test_outcomes_are_found_by_name_index_and_slice(both: Results) -> None:
+    chosen = (both["a"], both[-1], *both[:1], *both[np.int64(1) :])
+    assert [outcome.name for outcome in chosen] == [*"abab"]
     with pytest.raises(KeyError, match="c"):
-        results["c"]
+        both["c"]
     with pytest.raises(IndexError):
-        results[2]
+        both[2]
 
 
 def test_notebooks_show_verdicts_and_the_report(tmp_path: Path) -> None:
@@ -258,11 +264,10 @@ def test_notebooks_show_verdicts_and_the_report(tmp_path: Path) -> None:
     assert "<iframe" not in results._repr_html_()
 
 
-def test_without_a_report_there_is_none(tmp_path: Path) -> None:
-    results = run(burger(), report=False, output_dir=tmp_path)
-    assert not (tmp_path / "report.html").exists()
+def test_without_a_report_there_is_none(both: Results, tmp_path: Path) -> None:
+    assert not (both.folder / "report.html").exists()
     with pytest.raises(UsageError, match="report=False"):
-        results.to_html(tmp_path / "r.html")
+        both.to_html(tmp_path / "r.html")
 
 
 def test_a_run_that_is_invalid_says_why_and_nothing_runs(folder: Path) -> None:
@@ -321,18 +326,16 @@ def test_scenarios_are_selected_changed_and_run(folder: Path) -> None:
 
 
 def test_variations_run_and_say_their_values() -> None:
-    results = run(burger(variations={"commands.twist.0.linear": [0.0, 1.0]}))
-    assert [(each.variation, each.passed) for each in results] == [
-        ({"commands.twist.0.linear": 0.0}, False),
-        ({"commands.twist.0.linear": 1.0}, True),
-    ]
+    speed = "commands.twist.0.linear"
+    results = run(burger(variations={speed: [0.0, 1.0]}))
+    assert [(outcome.variation, outcome.passed) for outcome in results] == [({speed: 0.0}, False), ({speed: 1.0}, True)]
 
 
 def test_events_come_in_order() -> None:
     events: list[object] = []
     run([burger(), burger(name="second")], jobs=1, on_event=events.append)
-    told = [each for each in events if isinstance(each, Started | Finished)]
-    assert [(type(each), each.place) for each in told] == [(Started, 0), (Finished, 0), (Started, 1), (Finished, 1)]
+    places = [(type(event), event.place) for event in events if isinstance(event, Started | Finished)]
+    assert places == [(Started, 0), (Finished, 0), (Started, 1), (Finished, 1)]
 
 
 def test_code_of_the_repository_is_refused_on_demand(tmp_path: Path) -> None:
@@ -348,18 +351,10 @@ def test_the_package_lists_its_names_and_imports_none_of_them() -> None:
     for name in sim_action.__all__:
         assert getattr(sim_action, name)
     code = "import sys, sim_action; print(sorted(name for name in sys.modules if name.startswith('sim_action')))"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "['sim_action']"
+    assert printed_by(ACTION, "-c", code) == "['sim_action']\n"
 
 
-def test_prints_nothing(folder: Path) -> None:
-    code = "import sim_action; sim_action.run('.')"
-    found = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
-    assert (found.stdout, found.stderr) == ("", "")
-
-
-def test_a_program_without_a_guard_runs_scenarios(folder: Path) -> None:
+def test_a_program_without_a_guard_runs_scenarios_and_prints_nothing_but_its_own(folder: Path) -> None:
     # Other libraries start a process that runs the program again.
-    (folder / "program.py").write_text("import sim_action\nprint(sim_action.run('a.sim.yml').passed)\n")
-    found = subprocess.run([sys.executable, "program.py"], cwd=folder, capture_output=True, text=True, check=True)
-    assert found.stdout == "True\n"
+    (folder / "program.py").write_text("import sim_action\nprint(sim_action.run('.').passed)\n")
+    assert printed_by(folder, "program.py") == "False\n"

@@ -11,12 +11,14 @@ import pytest
 
 from sim_action.assertions.upright import Upright
 from sim_action.scenario.loading import build_scene
+from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_records import Channels
 from sim_action.state.trace_storage import load_trace, save_trace
 from tests.integration.engines import on_every_engine, running
-from tests.scenarios import load
+from tests.physics.robots import collision, inertial, joint, link, robot
+from tests.scenarios import LEAST, load
 from tests.traces import expectation
 
 FEET = ("foot_1", "foot_2", "foot_3", "foot_4")
@@ -24,19 +26,14 @@ CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))
 GRAVITY = 9.80665
 
 
-def table(mass: float = 5.0) -> str:
-    """A plate of `mass` kg that stands on four balls of 200 g each."""
-    feet = "".join(
-        f"""<link name="{name}"><inertial><mass value="0.2"/>
-        <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
-        <collision><geometry><sphere radius="0.03"/></geometry></collision></link>
-        <joint name="to_{name}" type="fixed"><parent link="plate"/><child link="{name}"/>
-        <origin xyz="{x} {y} -0.3"/></joint>"""
-        for name, (x, y) in zip(FEET, CORNERS, strict=True)
-    )
-    return f"""<robot name="table"><link name="plate"><inertial><mass value="{mass}"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.4 0.3 0.1"/></geometry></collision></link>{feet}</robot>"""
+def table(aside: float = 0.0) -> str:
+    """A plate of 5 kg, whose centre of mass is `aside`, that stands on four balls of 200 g each."""
+    plate = inertial(5.0, (0.1, 0.1, 0.1), (aside, 0.0, 0.0)) + collision('<box size="0.4 0.3 0.1"/>')
+    ball = inertial(0.2, (1e-3, 1e-3, 1e-3)) + collision('<sphere radius="0.03"/>')
+    parts = [link("plate", plate)]
+    for name, (x, y) in zip(FEET, CORNERS, strict=True):
+        parts += [link(name, ball), joint(f"to_{name}", "fixed", "plate", name, (x, y, -0.3))]
+    return robot(*parts)
 
 
 class Watching(Upright):
@@ -49,20 +46,15 @@ class Watching(Upright):
         return Channels(link_contacts=frozenset(FEET[:3]))
 
 
-def run(
-    tmp_path: Path, engine: str, *, rate: str = "240 Hz", objects: str = "[]", watching: bool = True
-) -> SimulationRun:
-    (tmp_path / "table.urdf").write_text(table())
-    text = f"""\
-name: a table stands
-robot: {{model: table.urdf}}
-world: {{objects: {objects}}}
-expect: [upright]
-time_limit: 0.25 s
-trace: {{rate: {rate}}}
-backend: {engine}
-"""
-    loaded = load(tmp_path, text)
+def loaded_table(folder: Path, engine: str, rate: str = "240 Hz", objects: str = "[]") -> LoadedScenario:
+    (folder / "table.urdf").write_text(table())
+    text = LEAST.partition("commands:")[0].replace("turtlebot3_burger", "table.urdf")
+    world = f"world: {{objects: {objects}}}\ntrace: {{rate: {rate}}}\nbackend: {engine}\n"
+    return load(folder, f"{text}expect: [upright]\ntime_limit: 0.25 s\n{world}")
+
+
+def run(folder: Path, engine: str, *, watching: bool = True, **keys: str) -> SimulationRun:
+    loaded = loaded_table(folder, engine, **keys)
     watched = loaded.scenario.model_copy(update={"expect": (expectation(Watching()),)})
     return simulate(watched if watching else loaded.scenario, build_scene(loaded), lambda _: None)
 
@@ -91,9 +83,9 @@ def test_the_normal_points_to_the_link_from_whatever_it_touches(engine: str, tmp
 @on_every_engine
 def test_contacts_of_a_thinned_trace_are_those_of_its_moments(engine: str, tmp_path: Path) -> None:
     full, thinned = run(tmp_path, engine).trace, run(tmp_path, engine, rate="24 Hz").trace
-    for link, record in thinned.link_contacts.items():
+    for name, record in thinned.link_contacts.items():
         assert record.moment(thinned.time).tolist() == list(range(len(thinned)))
-        assert record.force.tolist() == full.link_contacts[link].force[::10].tolist()
+        assert record.force.tolist() == full.link_contacts[name].force[::10].tolist()
 
 
 @on_every_engine
@@ -102,22 +94,19 @@ def test_a_run_with_contacts_of_links_is_the_same_run_and_stored_whole(engine: s
     assert watching.digest == plain.digest
     assert plain.trace.link_contacts == {}
     save_trace(watching.trace, tmp_path / "trace.npz")
-    found = load_trace(tmp_path / "trace.npz").link_contacts
-    assert list(found) == list(watching.trace.link_contacts)
-    for link, record in watching.trace.link_contacts.items():
-        assert found[link].bodies == record.bodies
+    stored = load_trace(tmp_path / "trace.npz").link_contacts
+    assert list(stored) == list(watching.trace.link_contacts)
+    for name, record in watching.trace.link_contacts.items():
+        assert stored[name].bodies == record.bodies
         for column in ("time", "body", "position_xyz", "normal_xyz", "force"):
-            np.testing.assert_array_equal(getattr(found[link], column), getattr(record, column))
+            np.testing.assert_array_equal(getattr(stored[name], column), getattr(record, column))
     cut = replace(watching.trace, contacts=()).between(0.1, 0.2)
     assert cut.link_contacts["foot_1"].moment(cut.time).tolist() == list(range(25))
 
 
 @on_every_engine
 def test_normals_point_from_the_body_to_the_link(engine: str, tmp_path: Path) -> None:
-    (tmp_path / "table.urdf").write_text(table())
-    text = "robot: {model: table.urdf}\nworld: {objects: []}\nexpect: [upright]\ntime_limit: 0.25 s\n"
-    loaded = load(tmp_path, f"name: a table stands\n{text}backend: {engine}\n")
-    with running(engine, build_scene(loaded)) as backend:
+    with running(engine, build_scene(loaded_table(tmp_path, engine))) as backend:
         backend.advance(0, [JointTargets()] * 24)
         contacts = backend.observe(24, contacts=True).contacts
         assert {contact.link for contact in contacts} == set(FEET)

@@ -7,7 +7,6 @@ some hundredths of a millimetre.
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any, Final
@@ -21,9 +20,9 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.permissions import Permissions
 from sim_action.robot.model.kinematics import LinkMotion, link_motion
 from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from tests.integration.engines import on_every_engine
-from tests.robot.model.test_inverse_kinematics import INERTIAL, joint, limits
+from tests.physics.robots import collision, inertial, joint, link, robot
 from tests.simulated import simulated
 from tools.bench.robots import ROBOTS
 
@@ -34,19 +33,10 @@ END_RAD: Final = math.radians(0.01)
 
 
 def run(folder: Path, engine: str, link: str, **keys: Any) -> tuple[SimulationRun, LinkMotion]:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
-    scenario = {
-        "name": "lines",
-        "backend": engine,
-        "expect": [{"max_speed": {"link": link, "linear": 5}}],
-        "trace": {"rate": 240},
-        **keys,
-    }
-    path = folder / "s.sim.yml"
-    path.write_text(json.dumps(scenario))
-    loaded = load_scenario(path, Permissions(outside=True))
-    scene = build_scene(loaded)
-    done = simulate(loaded.scenario, scene, lambda _: None)
+    speed = [{"max_speed": {"link": link, "linear": 5}}]
+    scenario = {"name": "lines", "backend": engine, "expect": speed, "trace": {"rate": 240}, **keys}
+    done = simulated(folder, scenario, outside=True)
+    scene = build_scene(load_scenario(folder / "s.sim.yml", Permissions(outside=True)))
     return done, link_motion(scene.model, done.trace, link)
 
 
@@ -105,20 +95,15 @@ def test_a_redundant_arm_that_stands_on_the_ground(engine: str, tmp_path: Path) 
     assert angle_between(motion.orientation_xyzw[-1], (x, y, z, w)) < END_RAD
 
 
-MOBILE: Final = (
-    "".join(
-        (
-            '<robot name="mobile"><link name="base"><inertial><mass value="50"/>',
-            '<inertia ixx="5" ixy="0" ixz="0" iyy="5" iyz="0" izz="5"/></inertial>',
-            '<collision><geometry><box size="0.8 0.8 0.4"/></geometry></collision></link>',
-            joint("shoulder", "base", "upper", f'<axis xyz="0 0 1"/>{limits(-3, 3)}', at="0 0 0.3"),
-            joint("elbow", "upper", "fore", f'<axis xyz="0 0 1"/>{limits(-3, 3)}', at="0.5 0 0"),
-            joint("tip_joint", "fore", "tip", "", kind="fixed", at="0.3 0 0"),
-            "</robot>",
-        )
-    )
-    .replace(INERTIAL, INERTIAL.replace('"1"', '"0.05"'))
-    .replace('effort="9"', 'effort="50"')
+LIMIT: Final = 'lower="-3" upper="3" effort="50" velocity="2"'
+LIGHT: Final = inertial(0.05, (0.05, 0.05, 0.05))
+UP: Final = (0.0, 0.0, 1.0)
+MOBILE: Final = robot(
+    link("base", inertial(50.0, (5.0, 5.0, 5.0)) + collision('<box size="0.8 0.8 0.4"/>')),
+    *(link(name, LIGHT) for name in ("upper", "fore", "tip")),
+    joint("shoulder", "revolute", "base", "upper", (0.0, 0.0, 0.3), axis=UP, limit=LIMIT),
+    joint("elbow", "revolute", "upper", "fore", (0.5, 0.0, 0.0), axis=UP, limit=LIMIT),
+    joint("tip_joint", "fixed", "fore", "tip", (0.3, 0.0, 0.0)),
 )
 
 
@@ -148,9 +133,9 @@ def test_a_base_that_slides_away_does_not_take_the_tip_with_it(engine: str, tmp_
 @on_every_engine
 def test_a_gripper_that_stays_open_carries_nothing(engine: str, tmp_path: Path) -> None:
     """`test_examples.py` runs the example as it is."""
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
     text = EXAMPLE.read_text(encoding="utf-8")
     opened = text.replace("effort: {left_finger_joint: 60 N}", "effort: {left_finger_joint: -5 N}")
     assert opened != text
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
     done = simulated(tmp_path, f"backend: {engine}\n{opened}")
     assert next(verdict.status for verdict in done.verdicts) == "failed"

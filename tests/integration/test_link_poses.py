@@ -98,12 +98,10 @@ def disagreements(backend: Engine, model: RobotModel, now: Observation, trace: T
         if not same(geometry.Pose(*last), pose):
             yield f"{link} in the trace: {last}, but {pose}"
         speeds = (*twist.linear_xyz, *twist.angular_xyz)
-        for found in (
-            (*state.twist.linear_xyz, *state.twist.angular_xyz),
-            (*motion.linear_xyz[-1].tolist(), *motion.angular_xyz[-1].tolist()),
-        ):
-            if max(abs(a - b) for a, b in zip(found, speeds, strict=True)) > 1e-8 * (1 + max(map(abs, speeds))):
-                yield f"{link}: {found}, but {speeds}"
+        in_trace = (*motion.linear_xyz[-1].tolist(), *motion.angular_xyz[-1].tolist())
+        for computed in ((*state.twist.linear_xyz, *state.twist.angular_xyz), in_trace):
+            if max(abs(a - b) for a, b in zip(computed, speeds, strict=True)) > 1e-8 * (1 + max(map(abs, speeds))):
+                yield f"{link}: {computed}, but {speeds}"
 
 
 def engine_links(backend: Engine, model: RobotModel) -> Iterable[str]:

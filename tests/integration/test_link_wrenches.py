@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import FloatArray
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.state.trace import Trace
 from sim_action.world import World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of, travelled
+from tests.physics.robots import inertial
 
 RATE = 1000
 MASS, INERTIA = 2.0, (0.02, 0.03, 0.04)
@@ -27,21 +27,13 @@ COM = (0.05, -0.02, 0.03)
 NO_GRAVITY = World.model_validate({"gravity": (0.0, 0.0, 0.0)})
 
 
-def inertial(mass: float, inertia: Vector3, com: Vector3 = (0.0, 0.0, 0.0)) -> str:
-    x, y, z = inertia
-    return (
-        f'<inertial><origin xyz="{com[0]} {com[1]} {com[2]}"/><mass value="{mass}"/>'
-        f'<inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
-
-
 BODY = f"""<robot name="body"><link name="body">{inertial(MASS, INERTIA, COM)}
 <collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link></robot>"""
 # A link without an inertia gets a negligible one.
 NOZZLE = """<link name="nozzle"/>
 <joint name="fixed" type="fixed"><parent link="body"/><child link="nozzle"/>
 <origin xyz="0.3 0.1 -0.2" rpy="0 1.5707963267948966 0"/></joint></robot>"""
-CENTRED = BODY.replace(f'<origin xyz="{COM[0]} {COM[1]} {COM[2]}"/>', "")
+CENTRED = BODY.replace(inertial(MASS, INERTIA, COM), inertial(MASS, INERTIA))
 WITH_NOZZLE = BODY.replace("</robot>", NOZZLE)
 
 ARM = f"""<robot name="arm"><link name="post">{inertial(5.0, (0.1, 0.1, 0.1))}</link>
@@ -65,18 +57,16 @@ def held(*wrenches: LinkWrench) -> JointTargets:
 
 
 def run(engine: str, scene: Scene, steps: int, *wrenches: LinkWrench, spin: Vector3 = (0.0, 0.0, 0.0)) -> Trace:
-    with running(engine, scene) as backend:
-        if any(spin):
-            push(backend, angular=spin)
-        return advance(backend, 0, steps, held(*wrenches))
+    return travelled(engine, scene, steps, held(*wrenches), start=((0.0, 0.0, 0.0), spin) if any(spin) else ())
 
 
-def com_velocity(trace: Trace, row: int = -1) -> NDArray[np.float64]:
-    """The velocity of the centre of mass."""
-    x, y, z, w = trace.base_orientation_xyzw[row].tolist()
-    arm = geometry.rotate((x, y, z, w), COM)
-    found: NDArray[np.float64] = trace.base_linear_xyz[row] + np.cross(trace.base_angular_xyz[row], arm)
-    return found
+def com_velocity(trace: Trace) -> FloatArray:
+    """The last velocity of the centre of mass."""
+    x, y, z, w = trace.base_orientation_xyzw[-1].tolist()
+    velocity: FloatArray = trace.base_linear_xyz[-1] + np.cross(
+        trace.base_angular_xyz[-1], geometry.rotate((x, y, z, w), COM)
+    )
+    return velocity
 
 
 @on_every_engine
@@ -134,24 +124,15 @@ def test_in_the_frame_of_a_spinning_link_a_force_turns_with_it(engine: str, fram
 
 
 @on_every_engine
-def test_the_frame_may_be_that_of_another_link(engine: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["nozzle", "base"])
+def test_the_frame_may_be_that_of_another_link_also_with_the_name_base(engine: str, name: str, tmp_path: Path) -> None:
     # The x axis of the nozzle is the -z axis of the body.
-    trace = run(
-        engine, body(tmp_path, WITH_NOZZLE), 1, LinkWrench("body", (2.0, 0.0, 0.0), frame="nozzle", point_xyz=COM)
-    )
+    scene = body(tmp_path, WITH_NOZZLE.replace("nozzle", name))
+    trace = run(engine, scene, 1, LinkWrench("body", (2.0, 0.0, 0.0), frame=name, point_xyz=COM))
     assert trace.base_linear_xyz[-1] == pytest.approx((0.0, 0.0, -2.0 / MASS / RATE), rel=1e-3, abs=1e-6)
 
 
-@on_every_engine
-def test_a_link_with_the_name_base_is_meant_before_the_base_link(engine: str, tmp_path: Path) -> None:
-    scene = body(tmp_path, WITH_NOZZLE.replace("nozzle", "base"))
-    trace = run(engine, scene, 1, LinkWrench("body", (2.0, 0.0, 0.0), frame="base", point_xyz=COM))
-    assert trace.base_linear_xyz[-1] == pytest.approx((0.0, 0.0, -2.0 / MASS / RATE), rel=1e-3, abs=1e-6)
-
-
-def runge_kutta(
-    rates: Callable[[NDArray[np.float64]], NDArray[np.float64]], state: NDArray[np.float64], end: float, steps: int
-) -> NDArray[np.float64]:
+def runge_kutta(rates: Callable[[FloatArray], FloatArray], state: FloatArray, end: float, steps: int) -> FloatArray:
     step = end / steps
     for _ in range(steps):
         first = rates(state)
@@ -169,7 +150,7 @@ def test_a_thruster_that_tumbles_its_body_follows_the_equations_of_motion(engine
     moments = np.array(INERTIA)
     about = np.cross(np.negative(COM), force) + torque
 
-    def rates(state: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rates(state: FloatArray) -> FloatArray:
         """Of the velocity of the centre, the spin in the frame of the body, and the rows of its rotation matrix."""
         spin, turn = state[3:6], state[6:].reshape(3, 3)
         wx, wy, wz = spin
@@ -177,8 +158,8 @@ def test_a_thruster_that_tumbles_its_body_follows_the_equations_of_motion(engine
         faster = (about - np.cross(spin, moments * spin)) / moments
         return np.concatenate((turn @ force / MASS, faster, (turn @ across).ravel()))
 
-    found = runge_kutta(rates, np.concatenate((np.zeros(6), np.eye(3).ravel())), seconds, 500)
-    velocity, spin = found[:3], found[6:].reshape(3, 3) @ found[3:6]
+    end = runge_kutta(rates, np.concatenate((np.zeros(6), np.eye(3).ravel())), seconds, 500)
+    velocity, spin = end[:3], end[6:].reshape(3, 3) @ end[3:6]
     wrench = LinkWrench("body", (0.0, 0.4, 1.5), (0.02, 0.05, -0.03), frame="body")
     errors = []
     for rate in (500, 2000):
@@ -216,15 +197,12 @@ def test_servos_of_an_arm_bear_the_transpose_of_the_jacobian_times_the_force(
     engine: str, frame: str, tmp_path: Path
 ) -> None:
     shoulder, elbow = 0.5, 0.6
-    robot = Robot.model_validate(
-        {"model": "robot.urdf", "base": "fixed", "joints": {"shoulder": shoulder, "elbow": elbow}}
-    )
+    angles = {"shoulder": shoulder, "elbow": elbow}
+    robot = Robot.model_validate({"model": "robot.urdf", "base": "fixed", "joints": angles})
     scene = scene_of(tmp_path, ARM, robot, NO_GRAVITY, rate=240)
     force, torque = (3.0, -2.0, 4.0), (0.1, 0.3, 0.2)
-    holding: dict[str, Any] = {"position": {"shoulder": shoulder, "elbow": elbow}}
-    with running(engine, scene) as backend:
-        targets = JointTargets(**holding, wrenches=(LinkWrench("tool0", force, torque, frame),))
-        trace = advance(backend, 0, 480, targets)
+    wrench = LinkWrench("tool0", force, torque, frame)
+    trace = travelled(engine, scene, 480, JointTargets(position=angles, wrenches=(wrench,)))
     # tool0 in the frame of the elbow, turned by the elbow about y and then by the shoulder about z.
     about_y = np.array([[math.cos(elbow), 0, math.sin(elbow)], [0, 1, 0], [-math.sin(elbow), 0, math.cos(elbow)]])
     sine, cosine = math.sin(shoulder), math.cos(shoulder)

@@ -28,27 +28,24 @@ from tests.integration.test_watch import SCENARIO, watching
 from tests.patience import PATIENCE, wait_until
 from tests.results.test_journal import begun, outcome
 
-GET_IN = ("127.0.0.1", "localhost")
-
 
 @contextmanager
 def serving(answering: Answering) -> Iterator[LoopbackServer]:
     """A server in this process."""
     with LoopbackServer(0, answering) as server:
-        server.timeout = 1
-        stops = threading.Event()
-
-        def serve() -> None:
-            while not stops.is_set():
-                server.handle_request()
-
-        thread = threading.Thread(target=serve)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         try:
             yield server
         finally:
-            stops.set()
+            server.shutdown()
             thread.join()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[LoopbackServer]:
+    with serving(LivePages(tmp_path)) as server:
+        yield server
 
 
 def asked(address: str, path: str = "", method: str = "GET", host: str | None = None) -> http.client.HTTPResponse:
@@ -62,31 +59,33 @@ def asked(address: str, path: str = "", method: str = "GET", host: str | None = 
     return connection.getresponse()
 
 
+def connected(server: LoopbackServer) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", server.server_address[1]))
+
+
 def state(address: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(asked(address, "state").read())
-    return found
+    return dict(json.loads(asked(address, "state").read()))
 
 
-@pytest.mark.parametrize("name", GET_IN)
-def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost"])
+def test_whoever_has_the_token_sees_progress_and_report(name: str, server: LoopbackServer, tmp_path: Path) -> None:
     begun(tmp_path)(Finished(0, outcome("a")))
-    with serving(LivePages(tmp_path)) as server:
-        assert urlsplit(server.address).hostname == "127.0.0.1"
-        # A browser leaves out port 80.
-        assert asked(server.address, "state", host=name).status == 200
-        for page, word in (("", b"Waiting for a run"), ("report#scenario=a".partition("#")[0], b"travel")):
-            answer = asked(server.address, page, host=f"{name}:80")
-            assert answer.status == 200
-            assert word in answer.read()
-            assert "connect-src 'self'" in answer.headers["Content-Security-Policy"]
-            assert answer.headers["Cache-Control"] == "no-store"
-            assert answer.headers["Referrer-Policy"] == "no-referrer"
-            assert answer.headers["X-Content-Type-Options"] == "nosniff"
-            assert answer.headers["Access-Control-Allow-Origin"] is None
-        found = state(server.address)
-        assert found["finished"] == 1
-        assert asked(server.address, f"state?after={found['version']}").status == 204
-        assert asked(server.address, "state?after=other").status == 200
+    assert urlsplit(server.address).hostname == "127.0.0.1"
+    # A browser leaves out port 80.
+    assert asked(server.address, "state", host=name).status == 200
+    for page, word in (("", b"Waiting for a run"), ("report", b"travel")):
+        answer = asked(server.address, page, host=f"{name}:80")
+        assert answer.status == 200
+        assert word in answer.read()
+        assert "connect-src 'self'" in answer.headers["Content-Security-Policy"]
+        assert answer.headers["Cache-Control"] == "no-store"
+        assert answer.headers["Referrer-Policy"] == "no-referrer"
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Access-Control-Allow-Origin"] is None
+    progress = state(server.address)
+    assert progress["finished"] == 1
+    assert asked(server.address, f"state?after={progress['version']}").status == 204
+    assert asked(server.address, "state?after=other").status == 200
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another program could take the port there")
@@ -107,16 +106,15 @@ NOT_FOUND = (
 )
 
 
-def test_everything_else_is_not_found(tmp_path: Path) -> None:
+def test_everything_else_is_not_found(server: LoopbackServer, tmp_path: Path) -> None:
     begun(tmp_path)
     (tmp_path / "report.html").write_text("secret")
-    with serving(LivePages(tmp_path)) as server:
-        for method, path, host in NOT_FOUND:
-            answer = asked(server.address, path, method, host)
-            assert (answer.status, answer.read()) == (404, b""), (method, path, host)
-        with socket.create_connection(("127.0.0.1", server.server_address[1])) as sent:
-            sent.sendall("GET /éééé/state HTTP/1.0\r\nHost: localhost:80\r\n\r\n".encode())
-            assert sent.makefile("rb").readline().split()[1] == b"404"
+    for method, path, host in NOT_FOUND:
+        answer = asked(server.address, path, method, host)
+        assert (answer.status, answer.read()) == (404, b""), (method, path, host)
+    with connected(server) as sent:
+        sent.sendall("GET /éééé/state HTTP/1.0\r\nHost: localhost:80\r\n\r\n".encode())
+        assert sent.makefile("rb").readline().split()[1] == b"404"
 
 
 @contextmanager
@@ -131,49 +129,42 @@ def started(folder: Path, environment: dict[str, str], *arguments: str) -> Itera
             process.kill()
 
 
-def test_damaged_requests_end_nothing(tmp_path: Path) -> None:
-    with serving(LivePages(tmp_path)) as server:
-        port = server.server_address[1]
-        for sent in (b"\r\n\r\n", b"GET\r\n\r\n", b"\xff\x00\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 70_000):
-            with socket.create_connection(("127.0.0.1", port)) as connection:
-                connection.sendall(sent)
-        assert asked(server.address, "state").status == 200
+def test_damaged_requests_end_nothing(server: LoopbackServer) -> None:
+    for sent in (b"\r\n\r\n", b"GET\r\n\r\n", b"\xff\x00\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 70_000):
+        with connected(server) as connection:
+            connection.sendall(sent)
+    assert asked(server.address, "state").status == 200
 
 
-def test_slow_connections_do_not_lock_anybody_out(tmp_path: Path) -> None:
-    with serving(LivePages(tmp_path)) as server:
-        port = server.server_address[1]
-        slow = [socket.create_connection(("127.0.0.1", port)) for _ in range(2 * MAX_CONNECTIONS)]
-        for connection in slow:
-            connection.sendall(b"GET /")
-        assert asked(server.address, "state").status == 200
-        for connection in slow:
-            connection.close()
+def test_slow_connections_do_not_lock_anybody_out(server: LoopbackServer) -> None:
+    slow = [connected(server) for _ in range(2 * MAX_CONNECTIONS)]
+    for connection in slow:
+        connection.sendall(b"GET /")
+    assert asked(server.address, "state").status == 200
+    for connection in slow:
+        connection.close()
 
 
 def test_open_connections_do_not_keep_it_alive(tmp_path: Path) -> None:
     with serving(LivePages(tmp_path)) as server:
-        port = server.server_address[1]
-        idle = socket.create_connection(("127.0.0.1", port))
+        idle = connected(server)
         assert asked(server.address, "state").status == 200
     with idle:
         idle.settimeout(PATIENCE)
         assert idle.recv(1) == b""
     with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", port))
+        connected(server)
 
 
-def test_hostile_files_are_told_as_text(tmp_path: Path) -> None:
+def test_hostile_files_are_told_as_text(server: LoopbackServer, tmp_path: Path) -> None:
     (tmp_path / JOURNAL_FILE).write_bytes(b"{}\n")
-    with serving(LivePages(tmp_path)) as server:
-        assert "is not a valid journal" in state(server.address)["problem"]
-        assert asked(server.address, "report").status == 200
+    assert "is not a valid journal" in state(server.address)["problem"]
+    assert asked(server.address, "report").status == 200
 
 
-def test_a_port_in_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with serving(LivePages(tmp_path)) as server:
-        port = server.server_address[1]
-        assert call(["view", str(tmp_path), "--live", "--print", "--port", str(port)]) == 2
+def test_a_port_in_use_is_told(server: LoopbackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    port = str(server.server_address[1])
+    assert call(["view", str(tmp_path), "--live", "--print", "--port", port]) == 2
     assert f"cannot listen on port {port} of this machine: " in capsys.readouterr().err
 
 

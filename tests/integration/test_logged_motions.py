@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -51,7 +51,7 @@ def run(folder: Path, engine: str, *commands: dict[str, Any], **keys: Any) -> Si
         "time_limit": 5,
         **keys,
     }
-    return simulated(folder, scenario)
+    return simulated(folder, scenario, outside=True)
 
 
 def as_joints(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
@@ -59,24 +59,34 @@ def as_joints(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
     return {"joints": [{"at": DURATION_S, "position": position}], "interpolation": "minimum_jerk"}
 
 
-def as_csv(rate: int, digits: int) -> Callable[[Path, tuple[float, float]], dict[str, Any]]:
+Form = Callable[[Path, tuple[float, float]], dict[str, Any]]
+
+
+def write_csv(folder: Path, rows: Iterable[Iterable[float]], digits: int) -> dict[str, Any]:
+    """Write rows of a time and the positions of both wheels; return the command that replays them."""
+    lines = (",".join(f"{number:.{digits}f}" for number in row) for row in rows)
+    header = ",".join(("time", *(f"position.{wheel}" for wheel in WHEELS)))
+    (folder / "log.csv").write_text("\n".join([header, *lines, ""]))
+    return {"replay": "log.csv"}
+
+
+def times_at(rate: int) -> list[float]:
+    return [n / rate for n in range(round(DURATION_S * rate) + 1)]
+
+
+def as_csv(rate: int, digits: int) -> Form:
     def written(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
-        rows = [[n / rate, *state(turned, n / rate)[0]] for n in range(round(DURATION_S * rate) + 1)]
-        lines = [",".join(f"{number:.{digits}f}" for number in row) for row in rows]
-        header = ",".join(("time", *(f"position.{wheel}" for wheel in WHEELS)))
-        (folder / "log.csv").write_text("\n".join([header, *lines, ""]))
-        return {"replay": "log.csv"}
+        return write_csv(folder, ([time, *state(turned, time)[0]] for time in times_at(rate)), digits)
 
     return written
 
 
-def as_joint_states(rate: int) -> Callable[[Path, tuple[float, float]], dict[str, Any]]:
+def as_joint_states(rate: int) -> Form:
     def written(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
         def message(store: Typestore, time: float) -> Any:
             return joint_state(store, list(WHEELS), *state(turned, time))
 
-        times = [n / rate for n in range(round(DURATION_S * rate) + 1)]
-        entries = joints(*((time, lambda store, at=time: message(store, at)) for time in times))
+        entries = joints(*((time, lambda store, at=time: message(store, at)) for time in times_at(rate)))
         ros2_bag(folder / "log", entries, StoragePlugin.MCAP)
         return {"replay": "log", "topic": "/joint_states"}
 
@@ -87,16 +97,11 @@ def as_trajectory(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
     type_name = "trajectory_msgs/msg/JointTrajectory"
 
     def message(store: Typestore) -> Any:
-        point, duration = (
-            store.types[name]
-            for name in ("trajectory_msgs/msg/JointTrajectoryPoint", "builtin_interfaces/msg/Duration")
-        )
+        point, duration = store.types[f"{type_name}Point"], store.types["builtin_interfaces/msg/Duration"]
         none = np.array([])
-        times = [n / 4 for n in range(1, round(DURATION_S * 4) + 1)]
-        numbers = [(*map(np.array, state(turned, time)), none, none) for time in times]
         points = [
-            point(*group, duration(int(time), round(time % 1 * 1e9)))
-            for group, time in zip(numbers, times, strict=True)
+            point(*map(np.array, state(turned, time)), none, none, duration(int(time), round(time % 1 * 1e9)))
+            for time in times_at(4)[1:]
         ]
         return store.types[type_name](bags.header(store), list(WHEELS), points)
 
@@ -104,7 +109,7 @@ def as_trajectory(folder: Path, turned: tuple[float, float]) -> dict[str, Any]:
     return {"replay": "log", "topic": "/trajectory"}
 
 
-FORMS: Final[dict[str, Callable[[Path, tuple[float, float]], dict[str, Any]]]] = {
+FORMS: Final[dict[str, Form]] = {
     **{f"csv {rate} Hz {digits}": as_csv(rate, digits) for rate, digits in ((10, 9), (30, 3), (240, 5))},
     "joint states 15 Hz": as_joint_states(15),
     "joint states 100 Hz": as_joint_states(100),
@@ -140,16 +145,11 @@ def test_jitter_of_a_recording_changes_no_motion(engine: str, rate: int, accurat
     random, turned = np.random.default_rng(rate), TURNS[1]
     ends = []
     for jitter in (0.0, 1e-3):
-        times = [n / rate for n in range(round(DURATION_S * rate) + 1)]
-        stamps = [time + noise for time, noise in zip(times, random.uniform(-jitter, jitter, len(times)), strict=True)]
-        rows = [
-            (stamp - stamps[0], *state(turned, stamp if accurate else time)[0])
-            for time, stamp in zip(times, stamps, strict=True)
-        ]
-        header = ",".join(("time", *(f"position.{wheel}" for wheel in WHEELS)))
-        lines = [",".join(f"{number:.6f}" for number in row) for row in rows]
-        (tmp_path / "log.csv").write_text("\n".join([header, *lines, ""]))
-        ends.append(end(run(tmp_path, engine, {"replay": "log.csv"}).trace))
+        times = times_at(rate)
+        stamps = (times + random.uniform(-jitter, jitter, len(times))).tolist()
+        states = (state(turned, stamp if accurate else time)[0] for time, stamp in zip(times, stamps, strict=True))
+        rows = ((stamp - stamps[0], *positions) for stamp, positions in zip(stamps, states, strict=True))
+        ends.append(end(run(tmp_path, engine, write_csv(tmp_path, rows, 6)).trace))
     assert math.dist(*(there[:2] for there in ends)) < 2e-3
     assert abs(ends[1][2] - ends[0][2]) < math.radians(0.5)
 
@@ -190,9 +190,8 @@ def test_a_recording_that_is_replayed_is_the_same_motion(engine: str, tmp_path: 
 def test_a_car_turns_with_the_steering_angle_of_its_log(engine: str, tmp_path: Path) -> None:
     """The oracle is the bicycle: the yaw rate is the speed times the tangent of the angle, by the wheelbase."""
     type_name = "ackermann_msgs/msg/AckermannDriveStamped"
-    car = "\n".join(
-        f"float32 {name}" for name in ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
-    )
+    names = ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
+    car = "\n".join(f"float32 {name}" for name in names)
     store = get_typestore(Stores.ROS2_HUMBLE)
     head = f"std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n{'=' * 80}"
     text = f"{head}\nMSG: ackermann_msgs/AckermannDrive\n{car}"
@@ -204,17 +203,8 @@ def test_a_car_turns_with_the_steering_angle_of_its_log(engine: str, tmp_path: P
         for n in range(80):
             writer.write(connection, bags.START + n * 50_000_000, store.serialize_cdr(message, type_name))
     known = next(known for known in ROBOTS if known.name == "racecar")
-    robot = {"model": known.path, **known.keys}
-    scenario = {
-        "name": "car",
-        "robot": robot,
-        "commands": [{"replay": "log", "topic": "/drive"}],
-        "expect": [{"travel": {"at_least": "10 m"}}],
-        "backend": engine,
-        "time_limit": 4,
-        "trace": {"rate": 60},
-    }
-    trace = simulated(tmp_path, scenario, outside=True).trace
+    keys = {"robot": {"model": known.path, **known.keys}, "time_limit": 4, "trace": {"rate": 60}}
+    trace = run(tmp_path, engine, {"replay": "log", "topic": "/drive"}, **keys).trace
     turned = np.unwrap([2 * math.atan2(qz, qw) for *_, qz, qw in trace.base_orientation_xyzw])
     expected = 0.5 * math.tan(0.2) / WHEELBASE_M
     assert (turned[-1] - turned[120]) / (trace.time[-1] - trace.time[120]) == pytest.approx(expected, rel=0.05)

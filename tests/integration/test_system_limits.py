@@ -16,7 +16,7 @@ from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
 from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
-from tests.integration.test_execution import Silent, scenario, script
+from tests.integration.test_execution import scenario, script, silent
 from tests.pool import execute
 from tests.soak import soaked
 
@@ -104,9 +104,9 @@ def test_a_child_takes_no_more_descriptors_than_it_says(tmp_path: Path, way: typ
     scenarios = [load_scenario(path) for path in paths]
     with Interruption() as interruption:
         # The engine is loaded, and keeps what it keeps.
-        execute(scenarios, tmp_path, 4, Silent(), interruption, child_type=way)
+        execute(scenarios, tmp_path, 4, silent, interruption, child_type=way)
         count()
-        execute(scenarios, tmp_path, 4, Silent(), interruption, child_type=way, meanwhile=count)
+        execute(scenarios, tmp_path, 4, silent, interruption, child_type=way, meanwhile=count)
         count()
     before, while_they_run, after = counts
     preloaded = 1  # the channel to the interpreter that is forked for user code
