@@ -99,7 +99,9 @@ class Lockstep:
                 before, calm_since = graph, time.monotonic()
             calm = time.monotonic() - calm_since
             is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
-            if calm > MAX_SETTLE_S or (self._master.is_connected(graph) and (is_driven or calm > _CALM_S)):
+            unconnected = self._master.first_unconnected(graph)
+            if calm > MAX_SETTLE_S or (unconnected is None and (is_driven or calm > _CALM_S)):
+                self._note_unconnected(unconnected, MAX_SETTLE_S)
                 break
             self._end_if_over()
             time.sleep(_POLL_S)
@@ -145,7 +147,7 @@ class Lockstep:
             self._end_if_over()
             if self._launcher.look() == self._siblings:
                 return
-            self._wait_for_newcomers()
+            self._note_unconnected(self._wait_for_newcomers(), self._newcomers_within)
 
     def may_start_nodes(self, program: bytes) -> bool:
         """Return True if a process is not a node yet, or runs a program with this text in its command line."""
@@ -167,17 +169,26 @@ class Lockstep:
             return set()
         return {pid for pid in joined if pid not in nodes or has_ended(pid)}
 
-    def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> None:
+    def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> tuple[str, str] | None:
+        """Wait until all processes are nodes and connected; return a node and a topic that are not in time."""
         deadline = time.monotonic() + self._newcomers_within
         while (missing := self._missing()) and not is_wanted():
             self._end_if_over()
             if time.monotonic() > deadline:
                 self._give_up(missing)
             time.sleep(_POLL_S)
-        graph = self._master.graph()
-        while not self._master.is_connected(graph) and time.monotonic() < deadline:
+        while (unconnected := self._master.first_unconnected(self._master.graph())) and time.monotonic() < deadline:
             time.sleep(_POLL_S)
-            graph = self._master.graph()
+        return unconnected
+
+    def _note_unconnected(self, unconnected: tuple[str, str] | None, waited_s: float) -> None:
+        if unconnected is not None:
+            node, topic = unconnected[0].removeprefix("/"), unconnected[1]
+            reason = (
+                f"the node '{node}' had no connection to all publishers of {topic} after {waited_s:g} s of wall time"
+            )
+            if reason not in self.not_reproducible:
+                self.not_reproducible.append(reason)
 
     def _missing(self) -> list[int]:
         """Return the processes of the launcher that are no nodes, and have not started one."""

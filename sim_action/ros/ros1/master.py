@@ -64,14 +64,14 @@ class Master:
             self._master_pid = self._ask("getPid")
         return Graph(_by_topic(publishers, pids), _by_topic(subscribers, pids), pids, self._master_pid)
 
-    def is_connected(self, graph: Graph) -> bool:
-        """Return True if every subscriber is connected to all publishers of its topics."""
+    def first_unconnected(self, graph: Graph) -> tuple[str, str] | None:
+        """Return a node and a topic of which it is not connected to all publishers; None if there is none."""
         for node in graph.pids:
             heard = Counter(self._heard(node))
-            topics = (topic for topic, nodes in graph.subscribers.items() if node in nodes)
-            if any(heard[topic] < len(graph.publishers.get(topic, ())) for topic in topics):
-                return False
-        return True
+            for topic, nodes in graph.subscribers.items():
+                if node in nodes and heard[topic] < len(graph.publishers.get(topic, ())):
+                    return node, topic
+        return None
 
     def published(self, kind: str) -> dict[str, frozenset[str]]:
         """Return topic -> publishing nodes, for one message type. Raises OSError if the master does not answer."""

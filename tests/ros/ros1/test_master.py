@@ -6,14 +6,18 @@ import os
 import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from xmlrpc.client import ServerProxy
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
+from sim_action.ros.ros1 import lockstep
 from sim_action.ros.ros1.master import Master
 from tests.patience import wait_until
 from tests.ros.ros1.launches import needs_ros, ros
@@ -91,7 +95,7 @@ def answers(asking: Master) -> bool:
 
 
 def wait_until_connected(asking: Master) -> None:
-    wait_until(lambda: asking.is_connected(asking.graph()))
+    wait_until(lambda: asking.first_unconnected(asking.graph()) is None)
 
 
 def test_nodes_their_processes_and_their_connections(master: Ros, asking: Master) -> None:
@@ -111,13 +115,32 @@ def test_nodes_their_processes_and_their_connections(master: Ros, asking: Master
             graph = asking.graph()
             assert graph.publishers["/a"] == {"/two"}
             assert graph.pids.keys() == {"/two", "/listener"}
-            assert asking.is_connected(graph)
+            assert asking.first_unconnected(graph) is None
         with master.node("one", publishes="/a") as again:
             assert asking.graph().pids["/one"] == again.pid
             wait_until_connected(asking)
             graph = asking.graph()
             listener.send_signal(signal.SIGSTOP)
-            assert not asking.is_connected(graph)
+            assert asking.first_unconnected(graph) == ("/listener", "/a")
+
+
+def test_a_clock_that_starts_although_a_node_is_not_connected_is_not_reproducible(
+    master: Ros, asking: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lockstep, "MAX_SETTLE_S", 0.2)
+    deaf = SimpleXMLRPCServer(("localhost", 0), logRequests=False)
+    deaf.register_function(lambda _: (1, "", os.getpid()), "getPid")
+    deaf.register_function(lambda _: (1, "", []), "getBusInfo")
+    threading.Thread(target=deaf.serve_forever, daemon=True).start()
+    with ServerProxy(master.uri) as register, master.node("listener", hears="/a"):
+        uri = f"http://localhost:{deaf.server_address[1]}/"
+        register.registerPublisher("/deaf", "/a", "std_msgs/String", uri)
+        clock = lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: 0, newcomers_within=0.2)
+        clock.begin(frozenset, lambda: False)
+    deaf.shutdown()
+    deaf.server_close()
+    reason = "the node 'listener' had no connection to all publishers of /a after 0.2 s of wall time"
+    assert reason in clock.not_reproducible
 
 
 def sockets() -> int:
