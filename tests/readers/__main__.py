@@ -105,7 +105,7 @@ def table(counts: Mapping[Class | None, Counter[str]]) -> str:
     lines = []
     for row in (*CLASSES, None):
         several = counts.get(row, Counter())
-        text = "without a class" if row is None else f"{row.whose}: {'/'.join(row.quantities)}: {row.text}"
+        text = "without a class" if row is None else f"{row.scope}: {row.text}"
         lines.append(f"{several.total():7}  {dict(sorted(several.items()))}  {text}")
     return "\n".join(lines)
 
