@@ -7,19 +7,20 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.core.geometry import Twist, Vector3
-from sim_action.drives import ackermann, recognise
-from sim_action.drives.ackermann import ON_THE_SPOT, TOO_TIGHT, AckermannDrive, DrivenWheel, Kingpin, tightest
+from sim_action.drives import recognise
+from sim_action.drives.ackermann import ON_THE_SPOT, TOO_TIGHT, AckermannDrive
 from sim_action.robot.model.robot_model import RobotModel
 from tests.drives.carts import CAR, FRONT, RADIUS, REAR, STEERED, asking, cart, steered, wheel
 
 DRIVE = AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
 QUICK = DRIVE.model_copy(update={"acceleration": 1e6})
 DOWN: Vector3 = (0.0, 0.0, -1.0)
+TIGHT = Twist.planar(0.1, 2.0)
 
 
 def problems(drive: AckermannDrive, model: RobotModel = CAR) -> list[tuple[tuple[str | int, ...], str]]:
@@ -36,9 +37,7 @@ def test_two_steered_wheels_and_two_that_are_not_are_recognised() -> None:
     assert recognise(CAR) == DRIVE
     assert problems(DRIVE) == []
 
-
-def test_one_steering_joint_with_limits_is_enough() -> None:
-    """As with racecar of pybullet_data."""
+    # One steering joint with limits is enough, as with racecar of pybullet_data.
     assert recognise(cart(*REAR, FRONT[0], steered("b", 0.5, -0.2, limit=None))) == DRIVE
 
 
@@ -91,6 +90,10 @@ def test_driven_wheels_that_are_steered_are_as_fast_as_their_own_radius() -> Non
     assert targets.velocity["a"] == pytest.approx(math.hypot(0.5, 1.8) / RADIUS)
     assert targets.velocity["b"] == pytest.approx(math.hypot(0.5, 2.2) / RADIUS)
     assert list(targets.velocity) == ["a", "b", "c", "d"]
+    # A tyre beside its kingpin stays on the wheel's axle, which leads to the middle of the curve.
+    model = cart(*REAR, steered("a", 0.5, 0.2, beside=0.05), FRONT[1])
+    (targets,) = drive.open(model, 100.0).targets(Twist.planar(2.0, 1.0), 1)
+    assert targets.velocity["a"] == pytest.approx((math.hypot(0.5, 1.8) - 0.05) / RADIUS)
 
 
 def test_axes_that_point_the_other_way_turn_the_other_way() -> None:
@@ -115,18 +118,13 @@ def test_rear_wheels_that_steer_turn_the_other_way() -> None:
     assert targets.position["a_steer"] == pytest.approx(-math.atan(0.5 / 1.8))
 
 
-def test_told_to_turn_on_the_spot_it_stands_still_and_says_so() -> None:
+def test_told_to_turn_on_the_spot_it_stands_still_and_says_so_and_a_stop_keeps_its_angle() -> None:
     motion = DRIVE.open(CAR, 100.0)
     (targets,) = motion.targets(Twist.planar(0.0, 1.0), 5)
-    assert set(targets.velocity.values()) == {0.0}
-    assert set(targets.position.values()) == {0.0}
+    assert {*targets.velocity.values(), *targets.position.values()} == {0.0}
     assert motion.notes == (ON_THE_SPOT,)
-
-
-def test_who_stops_keeps_the_wheel_where_it_is() -> None:
     motion = QUICK.open(CAR, 100.0)
-    (curve,) = motion.targets(Twist.planar(2.0, 1.0), 1)
-    (stopped,) = motion.targets(Twist(), 1)
+    (curve,), (stopped,) = motion.targets(Twist.planar(2.0, 1.0), 1), motion.targets(Twist(), 1)
     assert stopped.position == curve.position
     assert motion.notes == ()
 
@@ -140,12 +138,6 @@ def test_too_tight_a_curve_is_the_tightest_there_is_and_says_so(way: int) -> Non
     assert motion.notes == (TOO_TIGHT,)
 
 
-def test_a_stated_limit_wins_over_the_models() -> None:
-    motion = QUICK.model_copy(update={"steering_limit": 0.3}).open(CAR, 100.0)
-    (targets,) = motion.targets(Twist.planar(0.1, 2.0), 1)
-    assert targets.position["a_steer"] == pytest.approx(0.3)
-
-
 def test_steering_takes_its_time_and_wheels_fit_the_curve_of_the_moment() -> None:
     drive = QUICK.model_copy(update={"steering_rate": 1.0})
     planned = drive.open(CAR, 10.0).targets(Twist.planar(2.0, 1.0), 9)
@@ -154,9 +146,7 @@ def test_steering_takes_its_time_and_wheels_fit_the_curve_of_the_moment() -> Non
     first = planned[0]
     curvature = math.tan(0.1) / (0.5 + 0.2 * math.tan(0.1))
     assert first.velocity["c"] * RADIUS == pytest.approx(2.0 * (1 - 0.2 * curvature))
-
-
-def test_the_models_rate_is_taken() -> None:
+    # Without a rate of its own, the drive takes the one of the model.
     model = cart(*REAR, *(steered(name, 0.5, y, rate=2.0) for name, y in (("a", 0.2), ("b", -0.2))))
     (targets,) = DRIVE.open(model, 10.0).targets(Twist.planar(2.0, 1.0), 1)
     assert targets.position["a_steer"] == pytest.approx(0.2)
@@ -182,6 +172,8 @@ def test_no_step_is_beyond_a_limit(twists: list[tuple[float, float, int]]) -> No
 def test_stated_figures_win_over_the_models() -> None:
     drive = QUICK.model_copy(update={"wheelbase": 1.0, "track": 1.0, "radius": 0.2})
     assert "wheel radius 0.2 m, wheelbase 1 m, track 1 m" in drive.describe(CAR)
+    (limited_targets,) = QUICK.model_copy(update={"steering_limit": 0.3}).open(CAR, 100.0).targets(TIGHT, 1)
+    assert limited_targets.position["a_steer"] == pytest.approx(0.3)
     (targets,) = drive.open(CAR, 100.0).targets(Twist.planar(2.0, 1.0), 1)
     assert targets.position["a_steer"] == pytest.approx(math.atan(1.0 / 1.5))
     assert targets.velocity["c"] == pytest.approx(1.5 / 0.2)
@@ -193,20 +185,14 @@ def test_a_torque_limits_every_driven_wheel(torque: float | None, max_effort: di
     assert targets.max_effort == max_effort
 
 
-def test_what_it_moves_is_what_steers_and_what_is_driven() -> None:
-    assert DRIVE.open(CAR, 1.0).joints == {"a_steer", "b_steer", "c", "d"}
-
-
-def test_a_description_has_every_figure() -> None:
+def test_a_description_has_every_figure_and_shows_an_assumed_limit() -> None:
     assert DRIVE.describe(CAR) == (
         "ackermann: steering a_steer, b_steer (up to 34.38 deg); driven c, d; wheel radius 0.1 m, wheelbase 0.5 m, "
         "track 0.4 m, acceleration 1 m/s^2"
     )
-
-
-def test_a_limit_that_nobody_says_is_shown_as_assumed() -> None:
     model = cart(*REAR, *(steered(name, 0.5, y, limit=None, rate=1.0) for name, y in (("a", 0.2), ("b", -0.2))))
     assert "(up to 45 deg, assumed, 57.3 deg/s)" in DRIVE.describe(model)
+    assert DRIVE.open(CAR, 1.0).joints == {"a_steer", "b_steer", "c", "d"}
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(None, 0.3), (-0.3, None), (-0.3, 0.4)], ids=str)
@@ -274,65 +260,3 @@ def test_steering_that_cannot_be_straight_is_a_problem() -> None:
 def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         AckermannDrive.model_validate({"steering": ("a",), "wheels": ("b",), **spec})
-
-
-LEFT, RIGHT = Kingpin("l", 0.5, 0.2, 1.0), Kingpin("r", 0.5, -0.2, 1.0)
-BEHIND = Kingpin("b", -0.5, 0.2, 1.0)
-curvatures = st.floats(-1.5, 1.5)
-
-
-@given(curvatures, st.sampled_from([LEFT, RIGHT, BEHIND]))
-def test_the_axle_of_a_turned_wheel_meets_the_fixed_one_amid_the_curve(curvature: float, pin: Kingpin) -> None:
-    assume(abs(curvature) > 1e-3)
-    angle = pin.angle(curvature)
-    # The middle of the curve is on the fixed axle, 1 / curvature to the left: the axle leads from the kingpin to it.
-    middle = 1 / curvature
-    along_axle = (-math.sin(angle), math.cos(angle))
-    to_middle = (-pin.ahead, middle - pin.left)
-    assert along_axle[0] * to_middle[1] - along_axle[1] * to_middle[0] == pytest.approx(0.0, abs=1e-9 * abs(middle))
-
-
-@given(curvatures, st.sampled_from([LEFT, RIGHT, BEHIND]))
-def test_an_angle_tells_its_curve(curvature: float, pin: Kingpin) -> None:
-    assert pin.curvature(pin.angle(curvature)) == pytest.approx(curvature, abs=1e-12)
-
-
-def test_the_inner_wheel_is_turned_further() -> None:
-    assert LEFT.angle(1.0) == pytest.approx(math.atan(0.5 / 0.8))
-    assert RIGHT.angle(1.0) == pytest.approx(math.atan(0.5 / 1.2))
-
-
-def test_the_tightest_curve_is_where_the_inner_wheel_is_at_its_limit() -> None:
-    curvature = tightest((LEFT, RIGHT), 0.6)
-    assert LEFT.angle(curvature) == pytest.approx(0.6)
-    assert RIGHT.angle(-curvature) == pytest.approx(-0.6)
-    assert RIGHT.angle(curvature) < 0.6
-
-
-def test_a_wheel_in_the_middle_is_that_of_a_bicycle() -> None:
-    assert tightest((Kingpin("m", 0.5, 0.0, 1.0),), 0.6) == pytest.approx(math.tan(0.6) / 0.5)
-
-
-@given(curvatures, curvatures, st.floats(1e-4, 0.5))
-def test_no_wheel_is_turned_faster_than_allowed_and_one_as_fast(now: float, wanted: float, most: float) -> None:
-    reached = ackermann.steered((LEFT, RIGHT), now, wanted, most)
-    turned = [abs(pin.angle(reached) - pin.angle(now)) for pin in (LEFT, RIGHT)]
-    assert max(turned) <= most * (1 + 1e-9)
-    assert reached == wanted or max(turned) == pytest.approx(most)
-    assert min(now, wanted) - 1e-12 <= reached <= max(now, wanted) + 1e-12
-
-
-def test_wheels_roll_as_far_as_they_are_from_the_middle_of_the_curve() -> None:
-    curvature = 0.8
-    fixed = DrivenWheel("w", 0.1, 0.2, None)
-    assert fixed.way(curvature) == pytest.approx(curvature * (1 / curvature - 0.2))
-    below_pin = DrivenWheel("w", 0.1, 0.2, LEFT)
-    assert below_pin.way(curvature) == pytest.approx(curvature * math.hypot(1 / curvature - 0.2, 0.5))
-    # A tyre beside its kingpin stays on the wheel's axle, which leads to the middle.
-    beside = DrivenWheel("w", 0.1, 0.25, LEFT)
-    assert beside.way(curvature) == pytest.approx(below_pin.way(curvature) - curvature * 0.05)
-
-
-def test_straight_wheels_roll_as_far_as_the_robot_goes() -> None:
-    for driven in (DrivenWheel("w", 0.1, 0.2, None), DrivenWheel("w", 0.1, 0.25, LEFT)):
-        assert driven.way(0.0) == 1.0

@@ -87,34 +87,23 @@ def test_joints_turn_as_gazebo_turns_them(axis: Vector3, left: str, right: str, 
     assert targets.velocity == pytest.approx({left: ahead - way * turn, right: ahead + way * turn})
 
 
-def test_a_plugin_whose_sides_are_exchanged_turns_the_other_way_and_goes_ahead() -> None:
+def test_sides_that_a_plugin_exchanges_or_would_turn_against_each_other_go_ahead() -> None:
     drive = recognise(asking(burger(), "gz-sim-diff-drive-system", f"left_joint={RIGHT} right_joint={LEFT}"))
     assert drive == DiffDrive(left=(RIGHT,), right=(LEFT,), heading=0.0)
-
-
-def test_wheels_that_a_plugin_would_turn_against_each_other_roll_ahead() -> None:
     model = cart(wheel("a", 0.0, 0.3, axis=FORWARD), wheel("b", 0.0, -0.3, axis=BACKWARD))
     assert recognise(asking(model, "gz-sim-diff-drive-system", WHEELS)) == DiffDrive(left=("a",), right=("b",))
 
 
-def test_ros_2_has_no_legacy_mode() -> None:
+def test_ros_2_has_no_legacy_mode_and_a_drive_that_is_stated_nothing_to_tell_of_the_plugin() -> None:
     assert recognise(asking(burger(), "gazebo_ros_diff_drive", SIDES)) == BURGER
+    assert BURGER.describe(asking(burger(), "gazebo_ros_diff_drive", OLD_SIDES)) == BURGER.describe(burger())
 
 
-def test_a_drive_that_is_stated_has_nothing_to_tell_of_the_plugin() -> None:
-    model = asking(burger(), "gazebo_ros_diff_drive", OLD_SIDES)
-    assert BURGER.describe(model) == BURGER.describe(burger())
-
-
-def test_a_plugin_names_wheels_whatever_they_are_called() -> None:
+def test_a_plugin_names_wheels_whatever_they_are_called_but_not_without_their_diameter() -> None:
     model = changed(burger(), wheel_left_joint={"name": "a"}, wheel_right_joint={"name": "b"})
     assert recognise(model) is None
     assert recognise(asking(model, "gazebo_ros_diff_drive", WHEELS)) == DiffDrive(left=("a",), right=("b",))
-
-
-def test_a_plugin_that_does_not_tell_the_diameter_of_wheels_that_are_not_round_is_passed_over() -> None:
-    model = asking(burger(), "gazebo_ros_diff_drive", SIDES)
-    assert recognise(without_radii(model)) is None
+    assert recognise(without_radii(asking(burger(), "gazebo_ros_diff_drive", SIDES))) is None
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.drives import (
-    DRIVES,
-    Drive,
-    DriveMotion,
-    WheelSpeeds,
-    heading_text,
-    radius_text,
-    ramp_towards,
-    recognise,
-    torque_text,
-)
+from sim_action.drives import DRIVES, Drive, DriveMotion, WheelSpeeds, heading_text, radius_text, recognise, torque_text
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
@@ -33,14 +23,11 @@ from tests.soak import examples
 from tests.traces import WHEELS, burger, scene
 
 
-def test_a_model_without_wheels_has_no_drive() -> None:
+def test_the_table_has_the_keys_of_its_classes_and_a_model_without_wheels_no_drive() -> None:
+    assert {name: DRIVES.load(name).key for name in DRIVES} == {name: name for name in DRIVES}
     links = (Link("base", 1.0), Link("tip", 1.0))
     joints = (Joint("elbow", "revolute", "base", "tip", Pose(), (0.0, 0.0, 1.0)),)
     assert recognise(RobotModel("arm", "", links, joints, "")) is None
-
-
-def test_the_keys_of_the_table_are_those_of_the_classes() -> None:
-    assert {name: DRIVES.load(name).key for name in DRIVES} == {name: name for name in DRIVES}
 
 
 ALONG_X: Vector3 = (-1.0, 0.0, 0.0)
@@ -158,10 +145,6 @@ def test_a_car_that_goes_over_to_a_curve_is_within_its_limits_at_every_step() ->
     assert turning[-1].velocity == pytest.approx({"c": FASTEST * 0.8 / 1.2, "d": FASTEST})
 
 
-def test_wheels_without_limits_have_none() -> None:
-    assert WheelSpeeds(cart(*FOUR), "abcd").share(dict.fromkeys("abcd", 1e9)) == 1.0
-
-
 def test_the_slowest_wheel_decides() -> None:
     found = WheelSpeeds(cart(wheel("a", 0, 1, fastest=10.0), wheel("b", 0, -1, fastest=1.0)), "ab")
     assert found.share({"a": 20.0, "b": -4.0}) == 0.25
@@ -169,6 +152,7 @@ def test_the_slowest_wheel_decides() -> None:
     assert math.isclose(found.told_share({"a": 40.0, "b": 2.0}), 0.25)
     (note,) = found.notes
     assert "asked joint 'a'" in note
+    assert WheelSpeeds(cart(*FOUR), "abcd").share(dict.fromkeys("abcd", 1e9)) == 1.0
 
 
 @pytest.mark.parametrize(("radius", "message"), [(1e-7, "at least 1e-06 m"), (1e200, "at most 1000 m")])
@@ -177,28 +161,9 @@ def test_lengths_have_bounds(radius: float, message: str) -> None:
     assert (("radius",), f"must be {message}") in list(drive.problems(CAR))
 
 
-def test_only_a_heading_that_counts_is_told() -> None:
-    assert heading_text(1e-5) == ""
-    assert heading_text(-math.pi / 2) == ", heading -90 deg from the base's x axis"
-
-
-def test_radii_that_differ_are_all_told() -> None:
-    assert radius_text([0.1, 0.1]) == "wheel radius 0.1 m"
-    assert radius_text([0.1, 0.2, 0.1]) == "wheel radii 0.1 m, 0.2 m"
-
-
-def test_a_torque_is_the_stated_one_or_that_of_the_joints() -> None:
-    assert torque_text(2.0, burger(), WHEELS) == ", torque 2 N m"
-    assert torque_text(None, burger(), WHEELS) == ", torque 10 N m"
+def test_headings_radii_and_torques_as_text() -> None:
+    assert (heading_text(1e-5), heading_text(-math.pi / 2)) == ("", ", heading -90 deg from the base's x axis")
+    assert (radius_text([0.1, 0.1]), radius_text([0.1, 0.2, 0.1])) == ("wheel radius 0.1 m", "wheel radii 0.1 m, 0.2 m")
+    # A torque is the stated one, or that of the joints.
+    assert [torque_text(torque, burger(), WHEELS) for torque in (2.0, None)] == [", torque 2 N m", ", torque 10 N m"]
     assert torque_text(None, cart(*FOUR), ("a", "b")) == ""
-
-
-a_speed = st.floats(-10, 10)
-
-
-@given(a_speed, a_speed, st.floats(1e-3, 5))
-def test_a_step_goes_as_far_as_it_may_and_never_past(wanted: float, value: float, most: float) -> None:
-    reached = ramp_towards(wanted, value, most)
-    assert abs(reached - value) <= most * (1 + 1e-9)
-    assert min(wanted, value) - 1e-9 <= reached <= max(wanted, value) + 1e-9
-    assert abs(abs(reached - value) - most) < 1e-9 or abs(reached - wanted) < 1e-9

@@ -112,12 +112,6 @@ def test_gzs_plugin_tells_mecanum_wheels_from_skid_steer() -> None:
     assert stated.describe(model) == stated.describe(CART) + no_limit
 
 
-def test_a_radius_that_no_wheel_has_is_a_problem() -> None:
-    found = list(DRIVE.model_copy(update={"radius": 1e-9}).problems(CART))
-    assert found == [(("radius",), "must be at least 1e-06 m")]
-    assert not isinstance(recognise(CART), MecanumDrive)
-
-
 def test_a_description_has_every_figure_and_says_that_it_is_kinematic() -> None:
     assert DRIVE.describe(CART) == (
         "mecanum drive, kinematic: left a, b; right c, d; wheel radius 0.1 m, wheelbase 0.4 m, separation 0.6 m, "
@@ -146,6 +140,9 @@ def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
         MecanumDrive.model_validate({"left": ("a", "b"), "right": ("c", "d"), **spec})
 
 
-def test_a_model_whose_friction_the_engine_reads_itself_is_refused() -> None:
+def test_a_radius_that_no_wheel_has_and_a_friction_that_the_engine_reads_itself_are_problems() -> None:
+    found = list(DRIVE.model_copy(update={"radius": 1e-9}).problems(CART))
+    assert found == [(("radius",), "must be at least 1e-06 m")]
+    assert not isinstance(recognise(CART), MecanumDrive)
     native = dataclasses.replace(CART, mjcf=Mjcf("<mujoco/>", {}, {}))
     assert "need zero friction, but MJCF wheels keep that of their geoms" in next(iter(DRIVE.problems(native)))[1]

@@ -37,6 +37,8 @@ CARS = [
     (wheel("c", -0.1, 0.2), wheel("d", -0.1, -0.2), steered("a", 0.4, 0.2), steered("b", 0.4, -0.2)),
     # Tyres beside their kingpins.
     (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0.2, beside=0.05), steered("b", 0.5, -0.2)),
+    # Rear wheels that steer.
+    (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", -0.5, 0.2), steered("b", -0.5, -0.2)),
     # Steering joints that point down.
     (
         wheel("c", 0.0, 0.2),

@@ -106,14 +106,10 @@ def test_a_statement_is_read_with_its_figures(robot: RobotModel, plugin: str, pa
     assert drive.source(model).endswith("at robot.urdf:7")
 
 
-def test_a_controller_is_called_by_its_name() -> None:
-    model = asking(TWO, DIFF_CONTROLLER, SIDES, title="base_controller")
-    drive = recognise(model)
+def test_a_controller_has_its_name_and_unequal_radii_of_its_sides_are_noted() -> None:
+    drive = recognise(named := asking(TWO, DIFF_CONTROLLER, SIDES, title="base_controller"))
     assert drive is not None
-    assert drive.source(model) == "controller 'base_controller' at robot.urdf:7"
-
-
-def test_unequal_radii_of_a_controller_are_noted() -> None:
+    assert drive.source(named) == "controller 'base_controller' at robot.urdf:7"
     model = asking(TWO, DIFF_CONTROLLER, f"{SIDES} wheel_radius=0.1 left_wheel_radius_multiplier=1.1")
     drive = recognise(model)
     assert drive == DiffDrive(left=("a",), right=("b",), radius=0.1)
@@ -166,15 +162,10 @@ def test_wheels_of_a_plugin_that_roll_along_the_line_between_them_are_no_drive()
     assert "its wheels roll along the line between the sides" in why_not_recognised(model)[0]
 
 
-def test_a_plugin_of_a_nested_model_leaves_its_scope_out() -> None:
-    model = asking(
-        cart(wheel("base::a", 0.0, 0.3), wheel("base::b", 0.0, -0.3)),
-        *("gz-sim-diff-drive-system", "left_joint=a right_joint=base::b"),
-    )
+def test_a_plugin_of_a_nested_model_leaves_its_scope_out_unless_several_have_the_name() -> None:
+    nested = cart(wheel("base::a", 0.0, 0.3), wheel("base::b", 0.0, -0.3))
+    model = asking(nested, "gz-sim-diff-drive-system", "left_joint=a right_joint=base::b")
     assert recognise(model) == DiffDrive(left=("base::a",), right=("base::b",))
-
-
-def test_a_name_that_several_nested_models_have_is_unknown() -> None:
     twice = cart(wheel("one::a", 0.0, 0.3), wheel("two::a", 0.0, -0.3), wheel("b", 0.5, -0.3))
     model = asking(twice, "gz-sim-diff-drive-system", "left_joint=a right_joint=b")
     assert recognise(model) is None

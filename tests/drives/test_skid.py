@@ -174,13 +174,11 @@ def four(wheelbase: float, mass_ahead: float = 0.0, width: float = 0.0) -> list[
 
 
 @given(sizes, sizes)
-def test_four_wheels_slip_by_wheelbase_over_separation_squared(wheelbase: float, separation: float) -> None:
-    assert slip_factor(four(wheelbase), separation) == pytest.approx(1 + (wheelbase / separation) ** 2)
-
-
-@given(sizes)
-def test_two_wheels_do_not_slip(separation: float) -> None:
+def test_four_wheels_slip_by_wheelbase_over_separation_squared_and_two_do_not(
+    wheelbase: float, separation: float
+) -> None:
     assert slip_factor(footings([0.0, 0.0], 0.0), separation) == 1.0
+    assert slip_factor(four(wheelbase), separation) == pytest.approx(1 + (wheelbase / separation) ** 2)
 
 
 @given(sizes, sizes, st.floats(-1, 1), st.floats(0, 0.5))
@@ -202,18 +200,13 @@ def test_friction_cancels_at_the_factor(wheelbase: float, separation: float, lea
         assert min(work(turn, aside * wheelbase / 2000) for aside in range(-1000, 1001)) >= least - step
 
 
-def test_wide_wheels_slip_more() -> None:
+def test_wide_wheels_slip_more_and_those_that_carry_little_hold_back_little() -> None:
     narrow, wide, wider = (slip_factor(four(0.5, width=width), 0.6) for width in (0.0, 0.1, 0.2))
     assert 1.0 < narrow < wide < wider
-
-
-def test_what_carries_little_holds_back_little() -> None:
-    even, rear_heavy = (slip_factor(four(0.5, ahead), 0.6) for ahead in (0.0, -0.1))
-    assert rear_heavy < even
-    assert slip_factor(four(0.5, 0.1), 0.6) == pytest.approx(rear_heavy)
-
-
-def test_a_robot_that_stands_on_one_axle_alone_does_not_slip() -> None:
+    rear_heavy, front_heavy = (slip_factor(four(0.5, ahead), 0.6) for ahead in (-0.1, 0.1))
+    assert front_heavy == pytest.approx(rear_heavy)
+    assert rear_heavy < narrow
+    # It stands on one axle alone.
     assert slip_factor(four(0.5, 0.25), 0.6) == pytest.approx(1.0, abs=1e-6)
 
 

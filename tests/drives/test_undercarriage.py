@@ -8,13 +8,13 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.drives import recognise, why_not_recognised
+from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.undercarriage import ignored_statements, mirrored_names, undercarriage
 from sim_action.robot.model.robot_model import CommandedJoint, Joint, JointType, Link, Plugin, RobotModel, Shape
-from tests.drives.carts import FOUR, PLACE, RADIUS, Part, asking, cart, steered, wheel
+from tests.drives.carts import CAR, FOUR, PLACE, RADIUS, Part, asking, cart, steered, wheel
 from tests.drives.test_plugins import DIFF_CONTROLLER, SIDES, TWO
 
 PAIR = (wheel("left", 0.0, 0.3), wheel("right", 0.0, -0.3))
@@ -29,12 +29,17 @@ def beam(name: str, x: float, y: float, axis: Vector3 = (0.0, 1.0, 0.0), kind: J
     )
 
 
-def ball(name: str, x: float, radius: float) -> Part:
-    """A sphere that is fixed to the base and stands on the ground."""
-    shape = Shape("sphere", Pose((x, 0.0, radius - RADIUS)), radius, (-radius,) * 3, (radius,) * 3)
+def ball(name: str, x: float, radius: float, below: float = 0.0) -> Part:
+    """A sphere that is fixed to the base and ends `below` m under the ground."""
+    shape = Shape("sphere", Pose((x, 0.0, radius - RADIUS - below)), radius, (-radius,) * 3, (radius,) * 3)
     return (Joint(name, "fixed", "base", f"{name}_link", Pose(), (1.0, 0.0, 0.0)),), (
         Link(f"{name}_link", None, (shape,)),
     )
+
+
+def fixed(name: str, x: float, y: float) -> Part:
+    (joint,), links = wheel(name, x, y)
+    return (dataclasses.replace(joint, type="fixed"),), links
 
 
 def commanded(model: RobotModel, interface: str, *names: str, tag: str = "ros2_control") -> RobotModel:
@@ -73,22 +78,33 @@ def test_the_driven_pair_is_found_next_to_other_things_that_roll(parts: tuple[Pa
     assert drive.source(cart(*parts)) == "geometry"
 
 
-def test_a_rover_with_rockers_and_six_wheels_is_skid_steer() -> None:
-    left, right = (tuple(f"{side}_{place}" for place in ("front", "middle", "rear")) for side in ("left", "right"))
-    assert recognise(cart(*ROCKERS)) == SkidSteer(left=left, right=right)
+SKID = SkidSteer(left=("a", "b"), right=("c", "d"))
+SIX = {side: tuple(f"{side}_{place}" for place in ("front", "middle", "rear")) for side in ("left", "right")}
+TILTING = beam("axle", 0.3, 0.0, (1.0, 0.0, 0.0))
+TILTED = (wheel("a", 0.0, 0.3, parent="axle_beam"), wheel("c", 0.0, -0.3, parent="axle_beam"))
+TAILED = cart(*PAIR, steered("tail", -0.3, 0.0, limit=3.0))
+TRICYCLE = cart(*PAIR, steered("nose", 0.5, 0.0))
+MOVED: dict[str, tuple[RobotModel, Drive | None]] = {
+    "rockers and six wheels": (cart(*ROCKERS), SkidSteer(**SIX)),
+    "an axle that tilts as a whole is no hinge": (cart(TILTING, *TILTED, FOUR[1], FOUR[3]), SKID),
+    "motors of other joints": (commanded(cart(*FOUR), "position", "elbow"), SKID),
+    "a caster with limits could have a motor": (TAILED, None),
+    "a caster with limits, and motors that are stated": (commanded(TAILED, "velocity", "left", "right"), DIFF),
+    "steering joints with motors": (
+        commanded(commanded(CAR, "velocity", "c", "d"), "position", "a_steer", "b_steer"),
+        AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d")),
+    ),
+    "a tricycle needs a statement of its motors": (TRICYCLE, None),
+    "a tricycle with its motors": (
+        commanded(commanded(TRICYCLE, "velocity", "left", "right"), "position", "nose_steer"),
+        AckermannDrive(steering=("nose_steer",), wheels=("left", "right")),
+    ),
+}
 
 
-def test_a_wheel_on_a_hinge_along_its_way_would_tip_over() -> None:
-    hinges = (beam("a_hinge", 0.3, 0.3, (1.0, 0.0, 0.0)), wheel("a", 0.0, 0.0, parent="a_hinge_beam"))
-    model = cart(*FOUR[1:], *hinges)
-    assert recognise(model) is None
-    assert "diff: joint 'a_hinge' lets the wheel at 'a' slide or tip over" in why_not_recognised(model)
-
-
-def test_an_axle_that_tilts_as_a_whole_is_no_hinge() -> None:
-    axle = beam("axle", 0.3, 0.0, (1.0, 0.0, 0.0))
-    front = (wheel("a", 0.0, 0.3, parent="axle_beam"), wheel("c", 0.0, -0.3, parent="axle_beam"))
-    assert recognise(cart(axle, *front, FOUR[1], FOUR[3])) == SkidSteer(left=("a", "b"), right=("c", "d"))
+@pytest.mark.parametrize(("model", "drive"), MOVED.values(), ids=MOVED)
+def test_joints_and_motors_next_to_wheels_decide_on_the_drive(model: RobotModel, drive: Drive | None) -> None:
+    assert recognise(model) == drive
 
 
 @pytest.mark.parametrize(("interface", "tag"), [("velocity", "ros2_control"), ("effort", "transmission")])
@@ -100,10 +116,6 @@ def test_motors_that_are_stated_decide_which_wheels_are_driven(interface: str, t
     assert [found.joint for found in undercarriage(model).idle] == ["b", "d"]
 
 
-def test_motors_of_other_joints_say_nothing_about_wheels() -> None:
-    assert recognise(commanded(cart(*FOUR), "position", "elbow")) == SkidSteer(left=("a", "b"), right=("c", "d"))
-
-
 def test_a_controller_of_a_single_joint_in_gz_is_a_motor() -> None:
     model = cart(*FOUR)
     for name in ("b", "d"):
@@ -111,32 +123,6 @@ def test_a_controller_of_a_single_joint_in_gz_is_a_motor() -> None:
     drive = recognise(model)
     assert drive == DiffDrive(left=("b",), right=("d",))
     assert drive.source(model) == "plugin gz-sim-joint-controller-system at robot.urdf:7"
-
-
-def test_a_caster_with_limits_has_no_motor_where_motors_are_stated() -> None:
-    model = cart(*PAIR, steered("tail", -0.3, 0.0, limit=3.0))
-    assert recognise(model) is None
-    assert recognise(commanded(model, "velocity", "left", "right")) == DIFF
-
-
-def test_a_swivel_with_a_motor_is_no_caster() -> None:
-    model = commanded(cart(*PAIR, CASTER), "velocity", "left", "right", "tail_steer")
-    assert recognise(model) is None
-    assert "diff: joint 'tail_steer' steers the wheel at 'tail'" in why_not_recognised(model)
-
-
-def test_steering_joints_with_motors_steer_a_car() -> None:
-    front = (steered("a", 0.5, 0.2, limit=0.6), steered("b", 0.5, -0.2, limit=0.6))
-    model = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), *front)
-    model = commanded(commanded(model, "velocity", "c", "d"), "position", "a_steer", "b_steer")
-    assert recognise(model) == AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
-
-
-def test_a_tricycle_needs_a_statement_of_its_motors() -> None:
-    model = cart(*PAIR, steered("nose", 0.5, 0.0))
-    assert recognise(model) is None
-    stated = commanded(commanded(model, "velocity", "left", "right"), "position", "nose_steer")
-    assert recognise(stated) == AckermannDrive(steering=("nose_steer",), wheels=("left", "right"))
 
 
 REASONS = [
@@ -156,6 +142,14 @@ REASONS = [
     (cart(PAIR[0], *FOUR[2:]), "diff: wheels on the ground that could be driven: 3 ('left', 'c', 'd'); a"),
     (cart(*FOUR[:3]), "skid: wheels on the ground that could be driven: 3; skid steer has 4 or more"),
     (cart(*FOUR, wheel("e", 0.5, 0.3)), "skid: there are 3 wheels on the left and 2 on the right"),
+    (
+        cart(*FOUR[1:], beam("a_hinge", 0.3, 0.3, (1.0, 0.0, 0.0)), wheel("a", 0.0, 0.0, parent="a_hinge_beam")),
+        "diff: joint 'a_hinge' lets the wheel at 'a' slide or tip over",
+    ),
+    (
+        commanded(cart(*PAIR, CASTER), "velocity", "left", "right", "tail_steer"),
+        "diff: joint 'tail_steer' steers the wheel at 'tail'",
+    ),
 ]
 
 
@@ -171,93 +165,70 @@ def test_the_most_likely_kind_comes_first() -> None:
     assert why_not_recognised(cart(steered("a", 0.5, 0.0), *PAIR))[0].startswith("ackermann: steering joints: 1")
 
 
-def test_a_wheel_with_limits_is_named() -> None:
-    model = cart(*PAIR)
-    joints = tuple(dataclasses.replace(joint, type="revolute", lower=-1.0, upper=1.0) for joint in model.joints)
-    reason = "diff: 'left_link' is round and stands on the ground, but joint 'left' has limits"
-    assert why_not_recognised(dataclasses.replace(model, joints=joints))[0] == reason
-
-
-def test_a_wheel_without_a_collision_shape_is_named() -> None:
-    model = cart(*PAIR, ball("tip", 0.0, 0.03))
-    links = tuple(dataclasses.replace(link, collisions=()) if link.name != "tip_link" else link for link in model.links)
-    found = why_not_recognised(dataclasses.replace(model, links=links))[0]
-    assert found.startswith("diff: the link of 'left' has no collision shape")
-
-
 @pytest.mark.parametrize(("below", "expected"), [(0.002, DIFF), (0.04, DIFF), (0.06, None)])
 def test_a_ball_that_is_too_low_tilts_the_robot(below: float, expected: DiffDrive | None) -> None:
-    (joint,), (link,) = ball("tail", -0.3, 0.03)
-    (shape,) = link.collisions
-    lower = dataclasses.replace(shape, pose=Pose((-0.3, 0.0, 0.03 - RADIUS - below)))
-    assert recognise(cart(*PAIR, ((joint,), (dataclasses.replace(link, collisions=(lower,)),)))) == expected
+    assert recognise(cart(*PAIR, ball("tail", -0.3, 0.03, below))) == expected
 
 
-def test_wheels_that_hang_in_the_air_are_named() -> None:
-    found = why_not_recognised(cart(*PAIR, ball("tip", 0.0, 0.03), ball_below()))[0]
-    assert (
-        found == "diff: the wheel at 'left' ends 0.1 m above the ground: the lowest shape is the sphere of 'deep_link'"
-    )
+PLACES = ((0.2, 0.3), (-0.2, 0.3), (0.2, -0.3), (-0.2, -0.3))
+TIP = ball("tip", 0.0, 0.03)
+# model, and a part of the first reason
+FIRST_REASONS: dict[str, tuple[RobotModel, str]] = {
+    "wheels with limits": (
+        dataclasses.replace(
+            cart(*PAIR),
+            joints=tuple(dataclasses.replace(joint, type="revolute", lower=-1.0, upper=1.0) for (joint,), _ in PAIR),
+        ),
+        "diff: 'left_link' is round and stands on the ground, but joint 'left' has limits",
+    ),
+    "wheels without collision shapes": (
+        cart(*((joints, tuple(Link(link.name, None) for link in links)) for joints, links in PAIR), TIP),
+        "diff: the link of 'left' has no collision shape",
+    ),
+    "wheels in the air": (
+        cart(*PAIR, TIP, ball("deep", 0.0, 0.05, 0.1)),
+        "diff: the wheel at 'left' ends 0.1 m above the ground: the lowest shape is the sphere of 'deep_link'",
+    ),
+    "upright axes": (
+        cart(*(wheel(name, 0.0, y, axis=(0.0, 0.0, 1.0)) for name, y in (("left", 0.3), ("right", -0.3)))),
+        "whose joint 'left' has no level axis",
+    ),
+    "fixed wheels at the front": (
+        cart(*PAIR, fixed("left_wheel", 0.5, 0.3), fixed("right_wheel", 0.5, -0.3)),
+        "diff: 'left_wheel_link' and 'right_wheel_link' stand on the ground as well, but no joint lets them roll",
+    ),
+    "wheels with rollers in their names": (
+        cart(*(wheel(f"mecanum_{name}", *place) for name, place in zip("abcd", PLACES, strict=True))),
+        "skid: 'mecanum_a_link' names wheels with rollers",
+    ),
+    "rollers in the name of the model": (dataclasses.replace(cart(*FOUR), name="rover_mecanum"), "rollers"),
+    "a wheel that cannot roll": (
+        cart(fixed("left_wheel", 0.0, 0.3)),
+        "of 'left_wheel_link', whose joint 'left_wheel' is fixed",
+    ),
+    "planar_move": (
+        asking(cart(*FOUR), "gazebo_ros_planar_move"),
+        "plugin gazebo_ros_planar_move at robot.urdf:7 moves the base itself",
+    ),
+    "velocity control": (
+        asking(cart(*FOUR), "gz-sim-velocity-control-system", "topic=cmd_vel"),
+        "plugin gz-sim-velocity-control-system at robot.urdf:7 moves the base itself",
+    ),
+    "a plugin of another kind": (
+        asking(cart(*FOUR), "gz-sim-mecanum-drive-system", "front_left_joint=x"),
+        "plugin gz-sim-mecanum-drive-system at robot.urdf:7 does not fit: the model has no moving joint 'x'",
+    ),
+    "a plugin whose figures do not fit": (
+        asking(cart(PAIR[0], wheel("front", 0.5, 0.3)), "DiffDrivePlugin", "left_joint=left right_joint=front"),
+        "plugin DiffDrivePlugin at robot.urdf:7 does not fit: the left and",
+    ),
+}
 
 
-def ball_below() -> Part:
-    shape = Shape("sphere", Pose((0.0, 0.0, -RADIUS - 0.05)), 0.05, (-0.05,) * 3, (0.05,) * 3)
-    return (Joint("deep", "fixed", "base", "deep_link", Pose(), (1.0, 0.0, 0.0)),), (Link("deep_link", None, (shape,)),)
-
-
-def test_wheels_about_upright_axes_are_named() -> None:
-    model = cart(*(wheel(name, 0.0, y, axis=(0.0, 0.0, 1.0)) for name, y in (("left", 0.3), ("right", -0.3))))
-    assert "whose joint 'left' has no level axis" in why_not_recognised(model)[0]
-
-
-def test_fixed_wheels_at_the_front_make_a_pair_at_the_rear_uncertain() -> None:
-    def fixed(name: str, y: float) -> Part:
-        (joint,), links = wheel(name, 0.5, y)
-        return (dataclasses.replace(joint, type="fixed"),), links
-
-    model = cart(*PAIR, fixed("front_left_wheel", 0.3), fixed("front_right_wheel", -0.3))
+@pytest.mark.parametrize(("model", "reason"), FIRST_REASONS.values(), ids=FIRST_REASONS)
+def test_the_first_reason_names_the_part_that_is_to_blame(model: RobotModel, reason: str) -> None:
     assert recognise(model) is None
-    stands = "'front_left_wheel_link' and 'front_right_wheel_link' stand on the ground as well"
-    assert why_not_recognised(model)[0] == f"diff: {stands}, but no joint lets them roll"
-
-
-def test_wheels_with_rollers_in_their_names_are_not_skid_steer() -> None:
-    names = ("mecanum_a", "mecanum_b", "mecanum_c", "mecanum_d")
-    places = ((0.2, 0.3), (-0.2, 0.3), (0.2, -0.3), (-0.2, -0.3))
-    model = cart(*(wheel(name, *place) for name, place in zip(names, places, strict=True)))
-    assert recognise(model) is None
-    assert why_not_recognised(model)[0].startswith("skid: 'mecanum_a_link' names wheels with rollers")
-    assert recognise(dataclasses.replace(cart(*FOUR), name="rover_mecanum")) is None
-
-
-def test_a_wheel_that_cannot_roll_is_named_with_its_joint() -> None:
-    (joint,), links = wheel("left_wheel", 0.0, 0.3)
-    model = cart(((dataclasses.replace(joint, type="fixed"),), links))
-    assert why_not_recognised(model)[0].endswith("of 'left_wheel_link', whose joint 'left_wheel' is fixed")
-
-
-@pytest.mark.parametrize(
-    ("plugin", "parameters"), [("gazebo_ros_planar_move", ""), ("gz-sim-velocity-control-system", "topic=cmd_vel")]
-)
-def test_a_base_that_a_plugin_moves_has_no_drive(plugin: str, parameters: str) -> None:
-    model = asking(cart(*FOUR), plugin, parameters)
-    assert recognise(model) is None
-    assert why_not_recognised(model)[0].startswith(f"plugin {plugin} at robot.urdf:7 moves the base itself")
-
-
-def test_a_plugin_of_another_kind_rules_the_looks_of_wheels_out() -> None:
-    model = asking(cart(*FOUR), "gz-sim-mecanum-drive-system", "front_left_joint=x")
-    assert recognise(model) is None
-    assert why_not_recognised(model)[0].startswith(
-        "plugin gz-sim-mecanum-drive-system at robot.urdf:7 does not fit: the model has no moving joint 'x'"
-    )
-
-
-def test_a_plugin_whose_figures_do_not_fit_says_so() -> None:
-    model = cart(PAIR[0], wheel("front", 0.5, 0.3))
-    model = asking(model, "DiffDrivePlugin", "left_joint=left right_joint=front")
-    assert recognise(model) is None
-    assert why_not_recognised(model)[0].startswith("plugin DiffDrivePlugin at robot.urdf:7 does not fit: the left and")
+    assert reason in why_not_recognised(model)[0]
 
 
 @pytest.mark.parametrize(

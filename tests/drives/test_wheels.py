@@ -153,10 +153,6 @@ def test_joints_that_turn_forward_roll_wheels_where_their_axes_say(direction: fl
     assert heading is not None
     there = [turns * math.cos(direction), turns * math.sin(direction)]
     assert [math.cos(heading), math.sin(heading)] == pytest.approx(there, abs=1e-8)
-
-
-@given(directions)
-def test_joints_that_roll_wheels_against_each_other_have_no_direction(direction: float) -> None:
     assert turned_forward([wheel_rolling(direction), wheel_rolling(direction, turns=-1)]) is None
 
 
@@ -212,19 +208,18 @@ def with_motors(model: RobotModel) -> RobotModel:
     return replace(model, joints=tuple(replace(joint, max_effort=50.0) for joint in model.joints))
 
 
-def test_a_continuous_joint_of_an_arm_is_held_if_it_has_an_effort_limit() -> None:
+def test_joints_of_arms_and_legs_are_held_and_wheels_are_not() -> None:
     arm = (roll_joint("strong", 1.0, effort=50.0), roll_joint("limp", 1.2), roll_joint("zero", 1.4, effort=0.0))
     assert held_joints(cart(*FOUR, *arm)) == {"strong"}
-
-
-def test_joints_with_limits_are_held_without_an_effort_limit() -> None:
     assert held_joints(cart(*FOUR, hinge("hinge"), hinge("sprung", 5.0))) == {"hinge"}
-
-
-def test_wheels_roll_freely_and_so_do_the_forks_of_casters() -> None:
     caster = steered("tail", -0.3, 0.0, limit=None)
     lifted = cart_wheel("lifted", 0.0, 0.0, radius=0.06)
     assert held_joints(with_motors(cart(*FOUR, caster, lifted))) == frozenset()
+    # A round motor of a leg is no wheel, although its link stands on the ground.
+    hip = roll_joint("hip", 0.0, effort=5.0)
+    assert held_joints(cart(hip)) == frozenset()
+    knee = Joint("knee", "revolute", "hip_link", "shank", Pose(), (0.0, 1.0, 0.0), -1.0, 1.0)
+    assert held_joints(cart(hip, ((knee,), (Link("shank", 1.0),)))) == {"hip", "knee"}
 
 
 def test_a_link_that_is_called_a_wheel_rolls_even_if_it_is_not_round() -> None:
@@ -233,13 +228,6 @@ def test_a_link_that_is_called_a_wheel_rolls_even_if_it_is_not_round() -> None:
     for name, is_held in (("track_wheel", False), ("paddle", True)):
         joint = Joint(name, "continuous", "base", name, Pose(), (0.0, 1.0, 0.0), max_effort=5.0)
         assert bool(held_joints(cart(*FOUR, ((joint,), (Link(name, 1.0, (shape,)),))))) is is_held
-
-
-def test_a_round_motor_of_a_leg_is_no_wheel() -> None:
-    hip = roll_joint("hip", 0.0, effort=5.0)
-    assert held_joints(cart(hip)) == frozenset()
-    knee = Joint("knee", "revolute", "hip_link", "shank", Pose(), (0.0, 1.0, 0.0), -1.0, 1.0)
-    assert held_joints(cart(hip, ((knee,), (Link("shank", 1.0),)))) == {"hip", "knee"}
 
 
 @pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
@@ -371,19 +359,14 @@ def test_a_link_that_is_not_round_says_why(shape: Shape, reason: str) -> None:
     assert found.reason.endswith(reason)
 
 
-def test_the_largest_of_several_shapes_is_the_tyre() -> None:
+def test_the_largest_of_several_shapes_is_the_tyre_unless_another_sticks_out() -> None:
     assert tyre(cylinder(0.03, length=0.2), cylinder(0.1), box(0.05)) == tyre(cylinder(0.1))
-
-
-def test_twin_tyres_are_as_wide_as_both() -> None:
+    assert isinstance(tyre(cylinder(0.1), box(0.09)), NotRound)
+    # Twin tyres are as wide as both.
     found = tyre(cylinder(0.1, y=0.05), cylinder(0.1, y=-0.01))
     assert isinstance(found, Tyre)
     assert [found.radius, found.width] == pytest.approx([0.1, 0.1])
     assert found.middle_xyz == pytest.approx((0, 0.02, 0))
-
-
-def test_a_shape_that_sticks_out_of_the_tyre_makes_it_unround() -> None:
-    assert isinstance(tyre(cylinder(0.1), box(0.09)), NotRound)
 
 
 def test_spheres_and_capsules_are_round() -> None:
