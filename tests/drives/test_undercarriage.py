@@ -85,7 +85,7 @@ TILTED = (wheel("a", 0.0, 0.3, parent="axle_beam"), wheel("c", 0.0, -0.3, parent
 TAILED = cart(*PAIR, steered("tail", -0.3, 0.0, limit=3.0))
 TRICYCLE = cart(*PAIR, steered("nose", 0.5, 0.0))
 MOVED: dict[str, tuple[RobotModel, Drive | None]] = {
-    "rockers and six wheels": (cart(*ROCKERS), SkidSteer(**SIX)),
+    "rockers and six wheels": (cart(*ROCKERS), SkidSteer(left=SIX["left"], right=SIX["right"])),
     "an axle that tilts as a whole is no hinge": (cart(TILTING, *TILTED, FOUR[1], FOUR[3]), SKID),
     "motors of other joints": (commanded(cart(*FOUR), "position", "elbow"), SKID),
     "a caster with limits could have a motor": (TAILED, None),

@@ -17,29 +17,9 @@ from sim_action.world.world_files import WorldFile, read_world_file
 from sim_action.world.world_files.world_bodies import MAX_TRIANGLES, simplified
 from tests.ros_workspace import written
 
-TETRAHEDRON = """\
-v 0 0 0
-v 1 0 0
-v 0 1 0
-v 0 0 1
-f 1 3 2
-f 1 2 4
-f 1 4 3
-f 2 3 4
-"""
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 # Two tetrahedra that meet in a corner.
-CONCAVE = (
-    TETRAHEDRON
-    + """\
-v -1 0 0
-v 0 -1 0
-v 0 0 -1
-f 1 5 6
-f 1 7 5
-f 1 6 7
-f 5 7 6
-"""
-)
+CONCAVE = f"{TETRAHEDRON}v -1 0 0\nv 0 -1 0\nv 0 0 -1\nf 1 5 6\nf 1 7 5\nf 1 6 7\nf 5 7 6\n"
 
 
 def shaped(geometry: str, *, more: str = "", static: bool = True) -> str:
@@ -47,9 +27,9 @@ def shaped(geometry: str, *, more: str = "", static: bool = True) -> str:
     return f"<model name='m'><static>{static}</static><link name='l'>{collision}</link></model>"
 
 
-def world_file(folder: Path, inside: str) -> WorldFile:
+def world_file(folder: Path, inside: str, version: str = "1.9") -> WorldFile:
     path = folder / "a.world"
-    path.write_text(f'<?xml version="1.0"?>\n<sdf version="1.9">\n<world name="w">\n{inside}\n</world></sdf>')
+    path.write_text(f'<?xml version="1.0"?>\n<sdf version="{version}">\n<world name="w">\n{inside}\n</world></sdf>')
     return read_world_file(path, Packages(Workspace(folder, folder), environment={}), lambda _: False)
 
 
@@ -107,25 +87,16 @@ def test_another_shape_is_lost(kind: str, tmp_path: Path) -> None:
     assert lost == [f"a <{kind}> of 'm' is neither box, cylinder, sphere, capsule nor mesh; it is left out"]
 
 
-def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
-    bodies, lost = read(shaped("<capsule><radius>0.1</radius><length>0.4</length></capsule>"), tmp_path)
-    (body,) = bodies
+def test_capsules_balls_and_marks_on_the_floor(tmp_path: Path) -> None:
+    (body,), lost = read(shaped("<capsule><radius>0.1</radius><length>0.4</length></capsule>"), tmp_path)
     places = [(shape.kind, shape.pose.pose.position_xyz) for shape in body.shapes or ()]
     assert places == [("cylinder", (0, 0, 0)), ("sphere", (0, 0, -0.2)), ("sphere", (0, 0, 0.2))]
     assert lost == []
-
-
-@pytest.mark.parametrize(
-    "shape", ["<cylinder><radius>1</radius><length>0.00001</length></cylinder>", "<box><size>1 2 0.00001</size></box>"]
-)
-def test_a_mark_on_the_floor_is_as_thin_as_engines_resolve(shape: str, tmp_path: Path) -> None:
-    bodies, lost = read(shaped(shape), tmp_path)
-    assert (len(bodies), lost) == (1, [])
-
-
-def test_a_round_ellipsoid_is_a_ball(tmp_path: Path) -> None:
-    bodies, _ = read(shaped("<ellipsoid><radii>0.2 0.2 0.2</radii></ellipsoid>"), tmp_path)
-    assert [body.sphere for body in bodies] == [Sphere(radius=0.2)]
+    (body,), _ = read(shaped("<ellipsoid><radii>0.2 0.2 0.2</radii></ellipsoid>"), tmp_path)
+    assert body.sphere == Sphere(radius=0.2)
+    # A mark is as thin as engines resolve.
+    marks = "<cylinder><radius>1</radius><length>0.00001</length></cylinder>", "<box><size>1 2 0.00001</size></box>"
+    assert [(len(bodies), lost) for bodies, lost in (read(shaped(mark), tmp_path) for mark in marks)] == [(1, [])] * 2
 
 
 @pytest.mark.parametrize(
@@ -204,16 +175,13 @@ def test_an_automatic_inertia_is_that_of_the_shapes(tmp_path: Path) -> None:
     assert lost == []
 
 
-def test_an_automatic_inertia_of_a_mesh_is_noted(tmp_path: Path) -> None:
+def test_an_inertia_that_cannot_be_computed_or_that_no_body_has_is_noted(tmp_path: Path) -> None:
     written(tmp_path / "a.obj", TETRAHEDRON)
     (body,), (lost,) = read(AUTO.format("<mesh><uri>a.obj</uri></mesh>"), tmp_path)
     assert body.mass == 1
     assert "cannot be computed from <mesh>" in lost
-
-
-def test_an_impossible_product_of_inertia_is_replaced(tmp_path: Path) -> None:
-    bodies, (lost,) = read(BOX.format(pose="", ixx=0.5).replace("<ixy>0<", "<ixy>0.6<"), tmp_path)
-    assert [body.inertia for body in bodies] == [None]
+    (body,), (lost,) = read(BOX.format(pose="", ixx=0.5).replace("<ixy>0<", "<ixy>0.6<"), tmp_path)
+    assert body.inertia is None
     assert "no body has the principal moments -0.1 0.5 1.1" in lost
 
 
@@ -332,9 +300,7 @@ def test_parts_without_an_effect_on_bodies_are_remarks(inside: str, message: str
 
 
 def test_a_newer_version_is_a_remark(tmp_path: Path) -> None:
-    path = tmp_path / "a.world"
-    path.write_text("<sdf version='1.99'><world name='w'/></sdf>")
-    (loss,) = read_world_file(path, Packages(Workspace(tmp_path, tmp_path), environment={}), lambda _: False).losses
+    (loss,) = world_file(tmp_path, "", "1.99").losses
     assert loss.message.startswith("SDF 1.99 is newer than 1.")
 
 
@@ -343,12 +309,7 @@ def bumpy(samples: int, size: float) -> SurfacePart:
     return grid_surface(GridPart((size, size), 0.02 * size * np.outer(np.sin(along), np.cos(along))))
 
 
-def test_a_surface_of_few_triangles_stays() -> None:
-    surface = bumpy(10, 1.0)
-    assert simplified(surface) == (surface, 0.0)
-
-
-def test_a_surface_of_many_triangles_keeps_its_place() -> None:
+def test_a_surface_of_many_triangles_keeps_its_place_and_others_stay() -> None:
     surface = bumpy(120, 0.4)
     found = simplified(surface)
     assert found is not None
@@ -357,18 +318,10 @@ def test_a_surface_of_many_triangles_keeps_its_place() -> None:
     assert 0 < way < 0.02 * 3**0.5
     for corner in (np.min, np.max):
         assert np.abs(corner(simple.points_xyz, axis=0) - corner(surface.points_xyz, axis=0)).max() <= way
-
-
-def test_a_surface_that_is_too_large_for_small_cells_is_left() -> None:
+    few = bumpy(10, 1.0)
+    assert simplified(few) == (few, 0.0)
+    # It is too large for small cells.
     assert simplified(bumpy(120, 40.0)) is None
-
-
-def _masked(name: str, contact: str, *, static: bool = False) -> str:
-    box = "<geometry><box><size>1 1 1</size></box></geometry>"
-    return (
-        f"<model name='{name}'><static>{static}</static><link name='l'><collision name='c'>{box}"
-        f"<surface><contact>{contact}</contact></surface></collision></link></model>"
-    )
 
 
 @pytest.mark.parametrize(
@@ -392,6 +345,8 @@ def _masked(name: str, contact: str, *, static: bool = False) -> str:
 def test_bitmasks_are_losses_if_they_keep_shapes_apart(
     one: str, other: str, static: bool, lost: int, tmp_path: Path
 ) -> None:
-    _, losses = read(_masked("a", one, static=static) + _masked("b", other, static=static), tmp_path)
+    box, surface = "<box><size>1 1 1</size></box>", "<surface><contact>{}</contact></surface>"
+    models = [shaped(box, more=surface.format(contact), static=static) for contact in (one, other)]
+    _, losses = read(models[0].replace("'m'", "'a'") + models[1].replace("'m'", "'b'"), tmp_path)
     message = "the bitmask of a <contact> is not simulated: the shape collides with every other one"
     assert [loss for loss in losses if "bitmask" in loss] == [f"{message} ('{name}')" for name in "ab"[:lost]]
