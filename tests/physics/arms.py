@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_action.core.lazy_numpy import FloatArray
 from tests.physics.case import Case, Run, Setup
-from tests.physics.measures import GRAVITY, Measure
+from tests.physics.measures import GRAVITY, Measure, joint_angle, passages
 from tests.physics.oracles import pendulum_period
 from tests.physics.robots import arm, followers, lift, pendulum
 from tools.bench.robots import ROBOTS, KnownRobot
@@ -19,35 +19,20 @@ GROUP: Final = "arms"
 _BOLTED: Final[Mapping[str, object]] = {"base": "fixed"}
 _ALLOW: Final = {"allow": ["fixed-base"]}
 _ROD_LENGTH: Final = 2 / 3  # the length in m of the mathematical pendulum that swings like a rod of 1 m
-
-
 Shape = Literal["linear", "minimum_jerk"]
-
-
-def joint_angle(run: Run, name: str) -> FloatArray:
-    return np.asarray(run.trace.joint_position[:, run.trace.joint_names.index(name)])
 
 
 def period(name: str) -> Measure:
     """The mean period of a joint that swings about 0, by its passages through 0."""
-
-    def measure(run: Run) -> float:
-        angle, time = joint_angle(run, name), run.trace.time
-        before = np.flatnonzero((angle[:-1] > 0) & (angle[1:] <= 0))
-        share = angle[before] / (angle[before] - angle[before + 1])
-        passages = time[before] + share * (time[before + 1] - time[before])
-        return float((passages[-1] - passages[0]) / (len(passages) - 1))
-
-    return measure
+    return lambda run: float(np.diff(passages(run.trace.time, joint_angle(run, name))).mean())
 
 
 def effort(name: str) -> Measure:
     """The mean effort of a motor in the last half second."""
 
     def measure(run: Run) -> float:
-        return float(
-            run.trace.joint_effort[run.row(run.setup.seconds - 0.5) :, run.trace.joint_names.index(name)].mean()
-        )
+        efforts = run.trace.joint_effort[:, run.trace.joint_names.index(name)]
+        return float(efforts[run.row(run.setup.seconds - 0.5) :].mean())
 
     return measure
 
@@ -58,10 +43,7 @@ def sag(run: Run) -> float:
 
 
 def angle_at(name: str, time: float) -> Measure:
-    def measure(run: Run) -> float:
-        return float(joint_angle(run, name)[run.row(time)])
-
-    return measure
+    return lambda run: float(joint_angle(run, name)[run.row(time)])
 
 
 def lag(points: Mapping[str, list[tuple[float, float]]], shape: Shape = "linear") -> Measure:
@@ -94,8 +76,8 @@ def double_energy_gain(run: Run) -> float:
     """The highest energy of the double pendulum less the first, over the energy between hanging and standing."""
     one, two = joint_angle(run, "j1"), joint_angle(run, "j2")
     rate_one, rate_two = run.trace.joint_velocity.T
-    both, spin = one + two, rate_one + rate_two
-    heights = -0.5 * np.cos(one) - np.cos(one) - 0.5 * np.cos(both)
+    spin = rate_one + rate_two
+    heights = -0.5 * np.cos(one) - np.cos(one) - 0.5 * np.cos(one + two)
     # The centre of the second rod: the end of the first, and half a rod from there.
     squared = rate_one**2 + spin**2 / 4 + rate_one * spin * np.cos(two)
     kinetic = (1 / 3) * rate_one**2 / 2 + squared / 2 + (1 / 12) * spin**2 / 2

@@ -61,7 +61,7 @@ def shoved(speed: float, friction: float) -> list[Case]:
     seconds = math.ceil(2 * (speed / (friction * GRAVITY) + 0.4)) / 2
     setup = Setup(box(_SIZE, friction=friction), seconds, world(push((speed, 0.0, 0.0))))
     name = f"box shoved at {speed:g} m/s on friction {friction:g}"
-    gain = energy_gain(1.0, _INERTIA)(_PUSH_AT + 1 / RATE)
+    gain = energy_gain(1.0, _INERTIA, _PUSH_AT + 1 / RATE)
     tolerance = _tolerance(way, speed)
     return [
         Case(f"{name}: distance", GROUP, (setup,), travelled, "m", "analytic", way, tolerance, name),
@@ -110,7 +110,7 @@ def _rolling() -> list[Case]:
         truth = speed / (1 + shape)
         setup = Setup(ball(0.1, 1.0, friction, shape), 2.0, world(push((speed, 0.0, 0.0))))
         name = f"{what} slides then rolls"
-        gain = energy_gain(1.0, ball_inertia(1.0, 0.1, shape))(_PUSH_AT + 1 / RATE)
+        gain = energy_gain(1.0, ball_inertia(1.0, 0.1, shape), _PUSH_AT + 1 / RATE)
         cases += [
             Case(f"{name}: speed", GROUP, (setup,), final_speed, "m/s", "analytic", truth, 0.01 * truth, name),
             Case(f"{name}: energy", GROUP, (setup,), gain, "of v^2/2", "bound", 0.0, 0.01, name),
@@ -182,8 +182,6 @@ SPUN: Final = (
     SpunPlate(friction=0.3, speed=1.0, spin=8.0, way=0.3576, angle=1.5232),
     SpunPlate(friction=0.8, speed=3.0, spin=2.0, way=0.5790, angle=0.2462),
 )
-
-
 FRESH_SPUN: Final = SpunPlate(friction=0.6, speed=1.5, spin=5.0, way=0.2345, angle=0.4546)
 
 

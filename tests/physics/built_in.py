@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.robot.built_in import FOLDER
-from tests.physics.arms import angle_at, joint_angle, sag
+from tests.physics.arms import angle_at, sag
 from tests.physics.case import Case, Run, Setup
 from tests.physics.caster import driven
-from tests.physics.measures import GRAVITY, Measure, highest_tilt, radius, steady_turn, travelled
+from tests.physics.measures import GRAVITY, Measure, highest_tilt, joint_angle, radius, steady_turn, travelled
 
 GROUP: Final = "built-in"
 _ROVER: Final = "husky_a200"

@@ -18,7 +18,6 @@ from tests.physics.measures import (
     highest_tilt,
     path_length,
     radius,
-    steady_climb,
     steady_speed,
     steady_turn,
     travelled,
@@ -74,7 +73,7 @@ def ramps(angles_deg: Iterable[float]) -> list[Case]:
         up: Mapping[str, object] = {"commands": {"rate": 10, "twist": [{"linear": 0.2, "for": 6.0}]}, **objects}
         climb = Setup(_BURGER, 10.0, up)
         name = f"burger on a ramp of {degrees} deg"
-        speed, creep = steady_climb(3.5, 5.5), steady_climb(8.0, 10.0)
+        speed, creep = steady_speed(3.5, 5.5, axes=3), steady_speed(8.0, 10.0, axes=3)
         cases += [
             Case(f"{name}: speed", GROUP, (climb,), speed, "m/s", "analytic", 0.2, 0.004, name),
             Case(f"{name}: creep at rest", GROUP, (climb,), creep, "m/s", "bound", 0.0, 0.0005, name),

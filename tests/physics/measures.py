@@ -20,82 +20,71 @@ def yaw(run: Run) -> FloatArray:
     return np.unwrap(run.trace.yaw)
 
 
-def steady_speed(start: float, end: float) -> Measure:
-    """The mean speed on the ground plane between two times, in m/s."""
+def steady_speed(start: float, end: float, axes: int = 2) -> Measure:
+    """The mean speed between two times in m/s; `axes`: 2 on the ground plane, 3 in space."""
 
     def measure(run: Run) -> float:
-        first, last = (run.trace.base_position_xyz[run.row(time), :2] for time in (start, end))
+        first, last = (run.trace.base_position_xyz[run.row(time), :axes] for time in (start, end))
         return float(np.linalg.norm(last - first)) / (end - start)
 
     return measure
 
 
+def path_between(run: Run, start: float, end: float) -> float:
+    """The length of the path on the ground plane between two times, in m."""
+    places = run.trace.base_position_xyz[run.row(start) : run.row(end) + 1, :2]
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
 def curve_speed(start: float, end: float) -> Measure:
     """The mean speed along a path between two times, in m/s."""
+    return lambda run: path_between(run, start, end) / (end - start)
 
-    def measure(run: Run) -> float:
-        places = run.trace.base_position_xyz[run.row(start) : run.row(end) + 1, :2]
-        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()) / (end - start)
 
-    return measure
+def turning(run: Run, start: float, end: float) -> float:
+    """The turn between two times, in rad."""
+    headings = yaw(run)
+    return float(headings[run.row(end)] - headings[run.row(start)])
 
 
 def steady_turn(start: float, end: float) -> Measure:
     """The mean turn rate between two times, in rad/s."""
-
-    def measure(run: Run) -> float:
-        turned = yaw(run)
-        return float(turned[run.row(end)] - turned[run.row(start)]) / (end - start)
-
-    return measure
+    return lambda run: turning(run, start, end) / (end - start)
 
 
 def turned(run: Run) -> float:
     return float(yaw(run)[-1] - run.trace.yaw[0])
 
 
-def travelled(run: Run) -> float:
+def _apart(positions: FloatArray) -> float:
     """The distance on the ground plane between the first and the last position."""
-    first, last = run.trace.base_position_xyz[[0, -1], :2]
+    first, last = positions[[0, -1], :2]
     return float(np.linalg.norm(last - first))
 
 
+def travelled(run: Run) -> float:
+    return _apart(run.trace.base_position_xyz)
+
+
 def path_length(run: Run) -> float:
-    return float(np.linalg.norm(np.diff(run.trace.base_position_xyz[:, :2], axis=0), axis=1).sum())
+    return path_between(run, 0.0, run.setup.seconds)
 
 
 def radius(start: float, end: float) -> Measure:
     """The radius of the curve between two times, in m: the length of the path over the turning."""
-
-    def measure(run: Run) -> float:
-        rows = slice(run.row(start), run.row(end) + 1)
-        steps = np.diff(run.trace.base_position_xyz[rows, :2], axis=0)
-        turning = yaw(run)[rows]
-        return float(np.linalg.norm(steps, axis=1).sum()) / abs(float(turning[-1] - turning[0]))
-
-    return measure
+    return lambda run: path_between(run, start, end) / abs(turning(run, start, end))
 
 
 def final_speed(run: Run) -> float:
     return float(run.trace.speed[-1])
 
 
-def acceleration_between(start: float, end: float) -> Measure:
-    """The mean acceleration along x between two times, in m/s^2."""
+def acceleration_between(start: float, end: float, *, in_space: bool = False) -> Measure:
+    """The mean acceleration along x between two times in m/s^2, or the mean change of the speed in space."""
 
     def measure(run: Run) -> float:
-        first, last = (float(run.trace.base_linear_xyz[run.row(time), 0]) for time in (start, end))
-        return (last - first) / (end - start)
-
-    return measure
-
-
-def steady_climb(start: float, end: float) -> Measure:
-    """The mean speed in space between two times, in m/s."""
-
-    def measure(run: Run) -> float:
-        first, last = (run.trace.base_position_xyz[run.row(time)] for time in (start, end))
-        return float(np.linalg.norm(last - first)) / (end - start)
+        speeds = run.trace.speed if in_space else run.trace.base_linear_xyz[:, 0]
+        return float(speeds[run.row(end)] - speeds[run.row(start)]) / (end - start)
 
     return measure
 
@@ -127,27 +116,28 @@ def final_height(run: Run) -> float:
     return float(run.trace.base_position_xyz[-1, 2])
 
 
+def _rise(positions: FloatArray) -> float:
+    """How far a body rises above its height at t = 0, in m."""
+    return float(positions[:, 2].max() - positions[0, 2])
+
+
 def highest_rise(run: Run) -> float:
-    """How far the base rises above its height at t = 0, in m."""
-    heights = run.trace.base_position_xyz[:, 2]
-    return float(heights.max() - heights[0])
+    return _rise(run.trace.base_position_xyz)
 
 
-def energy_gain(mass: float, inertia: Vector3) -> Callable[..., Measure]:
-    """The energy that a loose body gains, of a body whose link frame is its centre of mass."""
+def energy_gain(mass: float, inertia: Vector3, after: float) -> Measure:
+    """The highest energy after a moment, less that of the moment, over its kinetic energy.
 
-    def after(time: float) -> Measure:
-        def measure(run: Run) -> float:
-            """The highest energy after a moment, less that of the moment, over its kinetic energy."""
-            trace = run.trace
-            kinetic = mass * trace.speed**2 / 2 + _turning(run, inertia)
-            total = kinetic + mass * GRAVITY * trace.base_position_xyz[:, 2]
-            first = run.row(time)
-            return float((total[first:].max() - total[first]) / kinetic[first])
+    Of a loose body whose link frame is its centre of mass.
+    """
 
-        return measure
+    def measure(run: Run) -> float:
+        kinetic = mass * run.trace.speed**2 / 2 + _turning(run, inertia)
+        total = kinetic + mass * GRAVITY * run.trace.base_position_xyz[:, 2]
+        first = run.row(after)
+        return float((total[first:].max() - total[first]) / kinetic[first])
 
-    return after
+    return measure
 
 
 def _turning(run: Run, inertia: Vector3) -> FloatArray:
@@ -169,11 +159,18 @@ def own_rates(run: Run) -> FloatArray:
 
 def angular_momentum(inertia: Vector3) -> Measure:
     """The angular momentum at the end, about the centre of mass, in N m s."""
+    return lambda run: float(np.linalg.norm(own_rates(run)[-1] * np.asarray(inertia)))
 
-    def measure(run: Run) -> float:
-        return float(np.linalg.norm(own_rates(run)[-1] * np.asarray(inertia)))
 
-    return measure
+def joint_angle(run: Run, name: str) -> FloatArray:
+    return np.asarray(run.trace.joint_position[:, run.trace.joint_names.index(name)])
+
+
+def passages(time: FloatArray, values: FloatArray) -> FloatArray:
+    """The times at which values fall through 0."""
+    before = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
+    share = values[before] / (values[before] - values[before + 1])
+    return np.asarray(time[before] + share * (time[before + 1] - time[before]))
 
 
 def first_time_below(height: float) -> Measure:
@@ -207,23 +204,12 @@ def impulse(start: float, end: float) -> Measure:
 
 
 def body_rise(name: str) -> Measure:
-    """How far a body of the world rises above its first height, in m; seen 30 times a second."""
-
-    def measure(run: Run) -> float:
-        heights = run.bodies[name].position_xyz[:, 2]
-        return float(heights.max() - heights[0])
-
-    return measure
+    """The rise of a body of the world, seen 30 times a second."""
+    return lambda run: _rise(run.bodies[name].position_xyz)
 
 
 def body_travel(name: str) -> Measure:
-    """The distance on the ground plane between the first and last position of a body of the world."""
-
-    def measure(run: Run) -> float:
-        first, last = run.bodies[name].position_xyz[[0, -1], :2]
-        return float(np.linalg.norm(last - first))
-
-    return measure
+    return lambda run: _apart(run.bodies[name].position_xyz)
 
 
 def spread(measure: Measure) -> Callable[..., float]:

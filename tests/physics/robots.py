@@ -164,15 +164,9 @@ def rover(
     size = (wheelbase + 0.1, separation - 0.05, 0.12)
     at = (forward, 0.0, 0.16)
     base = inertial(mass, box_inertia(mass, size), at) + collision(box_shape(size), at)
+    figures: dict[str, Any] = {"radius": 0.1, "width": width, "mass": 0.5, "effort": 20.0}
     corners = [
-        wheel(
-            f"{end}_{side}_wheel",
-            (ahead * wheelbase / 2, left * separation / 2, 0.1),
-            radius=0.1,
-            width=width,
-            mass=0.5,
-            effort=20.0,
-        )
+        wheel(f"{end}_{side}_wheel", (ahead * wheelbase / 2, left * separation / 2, 0.1), **figures)
         for end, ahead in ends.items()
         for side, left in (("left", 1), ("right", -1))
     ]
@@ -214,17 +208,8 @@ def car(wheelbase: float, separation: float, mass: float = 5.0) -> str:
         knuckle = f"{side}_knuckle"
         parts.append(link(knuckle, inertial(0.1, (1e-4, 1e-4, 1e-4))))
         limit = 'lower="-1" upper="1" effort="20" velocity="5"'
-        parts.append(
-            joint(
-                f"{side}_steering_joint",
-                "revolute",
-                "base_link",
-                knuckle,
-                (wheelbase, y, 0.05),
-                axis=(0.0, 0.0, 1.0),
-                limit=limit,
-            )
-        )
+        turns: dict[str, Any] = {"axis": (0.0, 0.0, 1.0), "limit": limit}
+        parts.append(joint(f"{side}_steering_joint", "revolute", "base_link", knuckle, (wheelbase, y, 0.05), **turns))
         parts.append(wheel(f"front_{side}_wheel", ORIGIN, parent=knuckle, **figures))
     return robot(*parts)
 

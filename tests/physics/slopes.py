@@ -10,10 +10,9 @@ import numpy as np
 
 from sim_action.core.geometry import Vector3
 from tests.physics.bodies import push, world
-from tests.physics.case import RATE, Case, Run, Setup
+from tests.physics.case import RATE, Case, Setup
 from tests.physics.measures import (
     GRAVITY,
-    Measure,
     acceleration_between,
     angular_momentum,
     final_tilt,
@@ -76,7 +75,7 @@ def _ramps() -> list[Case]:
     for what, shape in (("solid", 0.4), ("hollow", 2 / 3)):
         name = f"{what} ball rolls down a ramp of 10 deg"
         truth = GRAVITY * math.sin(math.radians(10)) / (1 + shape)
-        measure = acceleration_in_space(0.2, 1.0)
+        measure = acceleration_between(0.2, 1.0, in_space=True)
         setup = _on_ramp(ball(0.1, 1.0, 1.0, shape), 0.1, 10)
         cases.append(Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * truth))
     held = _on_ramp(box(_SIZE, friction=0.5), 0.05, 20)
@@ -84,19 +83,9 @@ def _ramps() -> list[Case]:
     sliding = _on_ramp(box(_SIZE, friction=0.2), 0.05, 25)
     drive = GRAVITY * math.sin(math.radians(25))
     truth = drive - 0.2 * GRAVITY * math.cos(math.radians(25))
-    name, measure = "box slides down a ramp of 25 deg", acceleration_in_space(0.2, 1.0)
+    name, measure = "box slides down a ramp of 25 deg", acceleration_between(0.2, 1.0, in_space=True)
     cases.append(Case(name, GROUP, (sliding,), measure, "m/s^2", "analytic", truth, 0.02 * drive))
     return cases
-
-
-def acceleration_in_space(start: float, end: float) -> Measure:
-    """The mean change of the speed between two times, in m/s^2."""
-
-    def measure(run: Run) -> float:
-        first, last = (float(run.trace.speed[run.row(time)]) for time in (start, end))
-        return (last - first) / (end - start)
-
-    return measure
 
 
 def _towers() -> list[Case]:

@@ -16,6 +16,7 @@ import pytest
 from sim_action.core import geometry
 from sim_action.core.lazy_numpy import FloatArray
 from tests.physics.case import Run, Setup, run_on
+from tests.physics.measures import joint_angle, passages
 from tests.physics.oracles import GRAVITY, Vector, pendulum_period, runge_kutta
 from tests.physics.robots import ball_inertia, inertial, link, robot
 
@@ -45,8 +46,7 @@ def swinging(
 def directions(run: Run) -> FloatArray:
     """The direction (T, 3) from the joint to the bob at all moments."""
     start = geometry.quaternion_from_rpy(TILT, 0.0, 0.0)
-    names = run.trace.joint_names
-    columns = [run.trace.joint_position[:, names.index(f"b_{axis}")].tolist() for axis in "xyz"]
+    columns = [joint_angle(run, f"b_{axis}").tolist() for axis in "xyz"]
     found = []
     for angles in zip(*columns, strict=True):
         turned = (0.0, 0.0, -1.0)
@@ -56,13 +56,6 @@ def directions(run: Run) -> FloatArray:
             turned = geometry.rotate((part[0], part[1], part[2], math.cos(angle / 2)), turned)
         found.append(geometry.rotate(start, turned))
     return np.array(found)
-
-
-def passages(time: FloatArray, values: FloatArray) -> FloatArray:
-    """The times at which values fall through 0."""
-    before = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
-    share = values[before] / (values[before] - values[before + 1])
-    return np.asarray(time[before] + share * (time[before + 1] - time[before]))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -159,8 +152,6 @@ def test_a_robot_on_a_ball_caster_drives_straight(engine: str, tmp_path: Path) -
     assert float(np.linalg.norm(roll)) == pytest.approx(0.25 / 0.005, rel=0.05)
 
 
-# --- springs ---
-
 STIFFNESS, SPRUNG_KG, REST = 80.0, 2.0, 0.15
 
 
@@ -193,8 +184,6 @@ def test_a_damped_spring_comes_to_rest_at_its_reference(engine: str) -> None:
     assert run.trace.joint_position[-1, 0] == pytest.approx(REST, abs=1e-4)
 
 
-# --- joints in series ---
-
 _PUCK = inertial(2.0, (0.02, 0.02, 0.03))
 
 
@@ -204,27 +193,18 @@ def _base_and(kind: str, body: str, more: str = "") -> str:
     return robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", body), joint)
 
 
-def _column(run: Run, name: str) -> FloatArray:
-    return np.asarray(run.trace.joint_position[:, run.trace.joint_names.index(name)])
-
-
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_puck_on_a_planar_joint_slides_down_a_slope_and_turns(engine: str) -> None:
     # A push along y at the centre, and a torque about the normal.
-    push = {
-        "at": 0,
-        "for": 1,
-        "link": "bob",
-        "force": [0, 1, 0],
-        "torque": [0.003 * math.sin(TILT), 0, 0.003 * math.cos(TILT)],
-    }
+    torque = [0.003 * math.sin(TILT), 0, 0.003 * math.cos(TILT)]
+    push = {"at": 0, "for": 1, "link": "bob", "force": [0, 1, 0], "torque": torque}
     model = _base_and("planar", _PUCK, '<axis xyz="0 0 1"/>')
     run = swinging(engine, 1.0, model, world={"disturbances": [push]})
     assert run.trace.joint_names == ("p_x", "p_y", "p_turn")
     # Each integrator is off by half a step.
-    assert _column(run, "p_x")[-1] == pytest.approx(GRAVITY * math.sin(TILT) / 2, rel=0.005)
-    assert _column(run, "p_y")[-1] == pytest.approx(0.5 / 2, rel=0.005)
-    assert _column(run, "p_turn")[-1] == pytest.approx(0.1 / 2, rel=0.005)
+    assert joint_angle(run, "p_x")[-1] == pytest.approx(GRAVITY * math.sin(TILT) / 2, rel=0.005)
+    assert joint_angle(run, "p_y")[-1] == pytest.approx(0.5 / 2, rel=0.005)
+    assert joint_angle(run, "p_turn")[-1] == pytest.approx(0.1 / 2, rel=0.005)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -250,10 +230,10 @@ def test_a_pendulum_on_a_universal_joint_has_the_periods_of_both_axes(engine: st
     model = robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", body), hung)
     run = swinging(engine, 4.0, model, {f"p_{axis + 1}": TILT})
     moment = MASS * LENGTH**2 + (0.06, 0.02)[axis]
-    swung = _column(run, f"p_{axis + 1}")
+    swung = joint_angle(run, f"p_{axis + 1}")
     period = float(np.diff(passages(run.trace.time, swung)).mean())
     assert period == pytest.approx(pendulum_period(moment / (MASS * LENGTH), TILT), rel=1e-3)
-    assert np.abs(_column(run, f"p_{2 - axis}")).max() < 1e-6
+    assert np.abs(joint_angle(run, f"p_{2 - axis}")).max() < 1e-6
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -263,7 +243,7 @@ def test_a_body_on_a_floating_joint_falls_and_turns_as_a_free_one(engine: str) -
     run = swinging(
         engine, 0.5, _base_and("floating", body).replace("rpy=", "xyz='0 0 1' rpy="), world={"disturbances": [push]}
     )
-    down = [_column(run, f"p_slide_{axis}")[-1] for axis in "xyz"]
+    down = [joint_angle(run, f"p_slide_{axis}")[-1] for axis in "xyz"]
     # Its origin is 0.1 m from its centre of mass, and turns by 0.125 rad about the upright axis.
     fallen = GRAVITY * 0.5**2 / 2
     at = geometry.rotate(geometry.quaternion_from_rpy(0.0, TILT, 0.0), (down[0], down[1], down[2]))

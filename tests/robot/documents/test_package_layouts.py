@@ -28,50 +28,46 @@ class Layout:
 
 
 _URDF = "arm/urdf/arm.urdf"
+_LOOSE, _OWN = f"{_URDF} arm/m/a.stl", f"{_URDF} arm/package.xml arm/m/a.stl"
+_STL, _TABLE = "arm/m/a.stl", "../models/table/m/a.stl"
+
+
+def _mesh(files: str, taken: str = _STL, *notes: str, package: str = "arm") -> Layout:
+    """Return a layout whose reference is the mesh m/a.stl of a package."""
+    return Layout(files, f"package://{package}/m/a.stl", taken, notes)
+
 
 LAYOUTS = {
-    "own package": Layout(f"{_URDF} arm/package.xml arm/m/a.stl", "package://arm/m/a.stl", "arm/m/a.stl"),
-    "folder above": Layout(
-        f"{_URDF} arm/m/a.stl", "package://arm/m/a.stl", "arm/m/a.stl", ("'arm': arm, above arm.urdf, is used",)
+    "own package": _mesh(_OWN),
+    "folder above": _mesh(_LOOSE, _STL, "'arm': arm, above arm.urdf, is used"),
+    "package.xml before a folder above": _mesh(f"{_LOOSE} src/x/package.xml=arm src/x/m/a.stl", "src/x/m/a.stl"),
+    "nearest of two folders above": _mesh(
+        "arm/old/arm/urdf/arm.urdf arm/m/a.stl arm/old/arm/m/a.stl", "arm/old/arm/m/a.stl", "arm/old/arm, above"
     ),
-    "package.xml before a folder above": Layout(
-        f"{_URDF} arm/m/a.stl src/x/package.xml=arm src/x/m/a.stl", "package://arm/m/a.stl", "src/x/m/a.stl"
-    ),
-    "nearest of two folders above": Layout(
-        "arm/old/arm/urdf/arm.urdf arm/m/a.stl arm/old/arm/m/a.stl",
-        "package://arm/m/a.stl",
-        "arm/old/arm/m/a.stl",
-        ("arm/old/arm, above",),
-    ),
-    "the folder above that has the file": Layout(
-        "arm/old/arm/urdf/arm.urdf arm/m/a.stl", "package://arm/m/a.stl", "arm/m/a.stl", ("'arm': arm, above",)
-    ),
-    "folder in the workspace": Layout(
+    "the folder above that has the file": _mesh("arm/old/arm/urdf/arm.urdf arm/m/a.stl", _STL, "'arm': arm, above"),
+    "folder in the workspace": _mesh(
         f"{_URDF} parts/hand/m/a.stl",
-        "package://hand/m/a.stl",
         "parts/hand/m/a.stl",
-        ("parts/hand is used, a folder of that name; set robot.packages",),
+        "parts/hand is used, a folder of that name; set robot.packages",
+        package="hand",
     ),
-    "folder in the workspace, not the folder above without the file": Layout(
-        f"{_URDF} parts/arm/m/a.stl", "package://arm/m/a.stl", "parts/arm/m/a.stl", ("parts/arm is used",)
+    "folder in the workspace, not the folder above without the file": _mesh(
+        f"{_URDF} parts/arm/m/a.stl", "parts/arm/m/a.stl", "parts/arm is used"
     ),
-    "nearest of several folders": Layout(
+    "nearest of several folders": _mesh(
         f"{_URDF} b/hand/m/a.stl arm/c/hand/m/a.stl a/hand/m/a.stl",
-        "package://hand/m/a.stl",
         "arm/c/hand/m/a.stl",
-        ("nearest to arm.urdf, not a/hand, b/hand",),
+        "nearest to arm.urdf, not a/hand, b/hand",
+        package="hand",
     ),
-    "equally near folders": Layout(
+    "equally near folders": _mesh(
         f"{_URDF} b/hand/m/a.stl a/hand/m/a.stl",
-        "package://hand/m/a.stl",
         "a/hand/m/a.stl",
-        ("a/hand is used, because it is nearest to arm.urdf, not b/hand",),
+        "a/hand is used, because it is nearest to arm.urdf, not b/hand",
+        package="hand",
     ),
-    "nearer folder without the file": Layout(
-        f"{_URDF} arm/hand/m/b.stl far/hand/m/a.stl",
-        "package://hand/m/a.stl",
-        "far/hand/m/a.stl",
-        ("far/hand is used",),
+    "nearer folder without the file": _mesh(
+        f"{_URDF} arm/hand/m/b.stl far/hand/m/a.stl", "far/hand/m/a.stl", "far/hand is used", package="hand"
     ),
     "folder of meshes as a package": Layout(
         f"{_URDF} arm/meshes/visual/a.stl",
@@ -79,11 +75,11 @@ LAYOUTS = {
         "arm/meshes/visual/a.stl",
         ("arm/meshes/visual is used",),
     ),
-    "package that was renamed": Layout(
-        f"{_URDF} arm/m/a.stl",
-        "package://arm_description/m/a.stl",
-        "arm/m/a.stl",
-        ("no folder 'arm_description' has the file: arm, above arm.urdf, is used",),
+    "package that was renamed": _mesh(
+        _LOOSE,
+        _STL,
+        "no folder 'arm_description' has the file: arm, above arm.urdf, is used",
+        package="arm_description",
     ),
     "folders left out": Layout(
         "drake/arm/urdf/arm.urdf drake/arm/m/a.stl",
@@ -97,33 +93,24 @@ LAYOUTS = {
         "arm/urdf/urdf/m/a.stl",
         ("'package://arm/urdf' is read as arm/urdf/urdf",),
     ),
-    "folder doubled in the reference": Layout(
-        f"{_URDF} arm/package.xml arm/m/a.stl", "package://arm/arm/m/a.stl", "arm/m/a.stl", ("is read as arm",)
-    ),
+    "folder doubled in the reference": Layout(_OWN, "package://arm/arm/m/a.stl", _STL, ("is read as arm",)),
     "folder that the build installs elsewhere": Layout(
         f"{_URDF} arm/package.xml arm/description/m/v/a.stl",
         "package://arm/m/v/a.stl",
         "arm/description/m/v/a.stl",
         ("arm has no folder 'm/v' with the file: arm/description/m/v is used; set",),
     ),
-    "two folders that the build may install": Layout(
-        f"{_URDF} arm/package.xml arm/a/b/m/a.stl arm/c/m/a.stl",
-        "package://arm/m/a.stl",
-        "arm/c/m/a.stl",
-        ("arm/c/m is used, not arm/a/b/m",),
+    "two folders that the build may install": _mesh(
+        f"{_URDF} arm/package.xml arm/a/b/m/a.stl arm/c/m/a.stl", "arm/c/m/a.stl", "arm/c/m is used, not arm/a/b/m"
     ),
-    "own package without the file": Layout(
-        f"{_URDF} arm/package.xml other/arm/m/a.stl", "package://arm/m/a.stl", "missing-file"
+    "own package without the file": _mesh(f"{_URDF} arm/package.xml other/arm/m/a.stl", "missing-file"),
+    "folder with another package": _mesh(
+        f"{_URDF} hand/package.xml=gripper hand/m/a.stl", "missing-package", package="hand"
     ),
-    "folder with another package": Layout(
-        f"{_URDF} hand/package.xml=gripper hand/m/a.stl", "package://hand/m/a.stl", "missing-package"
-    ),
-    "no such package": Layout(f"{_URDF} arm/m/a.stl", "package://hand/m/b.stl", "missing-package"),
-    "name that is too long": Layout(f"{_URDF} arm/m/a.stl", f"package://{'a' * 300}/m/b.stl", "missing-package"),
-    "no such file": Layout(f"{_URDF} arm/m/a.stl", "package://arm/m/zz.stl", "missing-file"),
-    "folder beside the workspace": Layout(
-        f"{_URDF} ../hand/m/a.stl ../m/b.stl", "package://hand/m/a.stl", "missing-package"
-    ),
+    "no such package": Layout(_LOOSE, "package://hand/m/b.stl", "missing-package"),
+    "name that is too long": Layout(_LOOSE, f"package://{'a' * 300}/m/b.stl", "missing-package"),
+    "no such file": Layout(_LOOSE, "package://arm/m/zz.stl", "missing-file"),
+    "folder beside the workspace": _mesh(f"{_URDF} ../hand/m/a.stl ../m/b.stl", "missing-package", package="hand"),
     "up and out of the folder": Layout(
         f"{_URDF} ../hand/m/a.stl", "package://arm/../../hand/m/a.stl", "outside-workspace"
     ),
@@ -131,10 +118,10 @@ LAYOUTS = {
         "arm/model.sdf table/m/a.stl", "model://table/m/a.stl", "table/m/a.stl", ("table is used",)
     ),
     "model on the model path, without model.config": Layout(
-        "arm/model.sdf ../models/table/m/a.stl", "model://table/m/a.stl", "../models/table/m/a.stl", (), "models"
+        "arm/model.sdf ../models/table/m/a.stl", "model://table/m/a.stl", _TABLE, (), "models"
     ),
     "package on the model path": Layout(
-        f"{_URDF} ../models/table/m/a.stl", "package://table/m/a.stl", "../models/table/m/a.stl", (), "models"
+        f"{_URDF} ../models/table/m/a.stl", "package://table/m/a.stl", _TABLE, (), "models"
     ),
     "hidden folder on the model path": Layout(
         "arm/model.sdf ../models/.ssh/a.stl", "model://.ssh/a.stl", "missing-package", (), "models"
@@ -148,29 +135,14 @@ LAYOUTS = {
     "other letter case, relative": Layout(
         f"{_URDF} arm/m/A.stl arm/m/a.STL", "../M/a.stl", "arm/m/A.stl", ("is spelled arm/m/A.stl",)
     ),
-    "backslashes": Layout(f"{_URDF} arm/m/a.stl", r"..\m\a.stl", "arm/m/a.stl", ("is spelled arm/m/a.stl",)),
+    "backslashes": Layout(_LOOSE, r"..\m\a.stl", _STL, ("is spelled arm/m/a.stl",)),
     "backslashes in an address": Layout(
-        f"{_URDF} arm/package.xml arm/m/a.stl",
-        r"package:\\arm\m\a.stl",
-        "arm/m/a.stl",
-        (r"'package:\\arm' is read as 'package://arm/'",),
+        _OWN, r"package:\\arm\m\a.stl", _STL, (r"'package:\\arm' is read as 'package://arm/'",)
     ),
-    "one slash": Layout(
-        f"{_URDF} arm/package.xml arm/m/a.stl",
-        "package:/arm/m/a.stl",
-        "arm/m/a.stl",
-        ("'package:/arm' is read as 'package://arm/'",),
-    ),
-    "three slashes": Layout(
-        f"{_URDF} arm/package.xml arm/m/a.stl",
-        "package:///arm/m/a.stl",
-        "arm/m/a.stl",
-        ("'package:///arm' is read as 'package://arm/'",),
-    ),
-    "two slashes after the name": Layout(
-        f"{_URDF} arm/package.xml arm/m/a.stl", "package://arm//m/a.stl", "arm/m/a.stl"
-    ),
-    "spaces around": Layout(f"{_URDF} arm/package.xml arm/m/a.stl", " package://arm/m/a.stl\n", "arm/m/a.stl"),
+    "one slash": Layout(_OWN, "package:/arm/m/a.stl", _STL, ("'package:/arm' is read as 'package://arm/'",)),
+    "three slashes": Layout(_OWN, "package:///arm/m/a.stl", _STL, ("'package:///arm' is read as 'package://arm/'",)),
+    "two slashes after the name": Layout(_OWN, "package://arm//m/a.stl", _STL),
+    "spaces around": Layout(_OWN, " package://arm/m/a.stl\n", _STL),
     "percent signs": Layout(f"{_URDF} arm/m/a b.stl", "package://arm/m/a%20b.stl", "arm/m/a b.stl", ("above",)),
     "file:// with a relative path": Layout(
         f"{_URDF} arm/urdf/m/a.stl", "file://m/a.stl", "arm/urdf/m/a.stl", ("'file://m' is read as a relative path",)
@@ -181,7 +153,7 @@ LAYOUTS = {
         "models/table/m/a.stl",
         ("models/table is used",),
     ),
-    "file:// of another machine": Layout(f"{_URDF} arm/m/a.stl", "file:///home/you/arm/m/a.stl", "outside-workspace"),
+    "file:// of another machine": Layout(_LOOSE, "file:///home/you/arm/m/a.stl", "outside-workspace"),
 }
 
 

@@ -16,6 +16,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
+from sim_action.drives.wheels import held_joints
 from sim_action.robot.built_in import FOLDER
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.model.kinematics import link_poses
@@ -24,7 +25,7 @@ from sim_action.robot.reading.urdf import read_urdf
 from tests.fuzz.damage import damaged
 from tests.fuzz.urdf_damage import mutated
 from tests.robot.bad_models import GOOD
-from tests.ros_workspace import written
+from tests.ros_workspace import ros_package, written
 from tests.soak import examples
 from tests.traces import burger
 
@@ -124,31 +125,16 @@ def test_a_limit_left_out_is_0_and_one_of_1e16_is_none(
     assert (joint.lower, joint.upper) == read_as
 
 
-def test_the_engine_gets_short_lines(tmp_path: Path) -> None:
-    one_line = "".join(line.strip() for line in BURGER.splitlines()[1:])
-    model = read(tmp_path, one_line.replace("-->", "--> "))
-    assert max(len(line) for line in model.urdf.splitlines()) < 200
-    assert ET.fromstring(model.urdf).tag == "robot"
-
-
-def test_meshes_are_given_as_text(tmp_path: Path) -> None:
-    (tmp_path / "meshes").mkdir()
-    (tmp_path / "meshes/part.stl").write_text(TETRAHEDRON)
-    model = read(tmp_path, ARM.replace('<sphere radius="0.5"/>', '<mesh filename="meshes/part.stl"/>'))
-    assert mesh_text(model).count("\nv ") == 4
-    assert model.links[0].collisions[0].kind == "mesh"
-    assert model.links[0].collisions[0].radius is None
-
-
-def test_meshes_lie_in_the_workspace(tmp_path: Path) -> None:
-    for folder in ("robot/meshes", "robot/urdf"):
-        (tmp_path / folder).mkdir(parents=True)
+def test_meshes_are_given_as_text_and_lie_in_the_workspace(tmp_path: Path) -> None:
     for mesh in ("robot/meshes/part.stl", "secret.stl"):
-        (tmp_path / mesh).write_text(TETRAHEDRON)
+        written(tmp_path / mesh, TETRAHEDRON)
     root = (tmp_path / "robot").resolve()
-    path = root / "urdf/robot.urdf"
-    path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../meshes/part.stl"/>'))
-    assert mesh_text(read_urdf(path, Packages(Workspace(root, root))))
+    reference = ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../meshes/part.stl"/>')
+    path = written(root / "urdf/robot.urdf", reference)
+    model = read_urdf(path, Packages(Workspace(root, root)))
+    assert mesh_text(model).count("\nv ") == 4
+    shape = model.links[0].collisions[0]
+    assert (shape.kind, shape.radius) == ("mesh", None)
     path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../../secret.stl"/>'))
     with pytest.raises(ModelError, match=r"robot\.urdf:6: '\.\./\.\./secret\.stl' is outside the workspace"):
         read_urdf(path, Packages(Workspace(root, root)))
@@ -156,17 +142,19 @@ def test_meshes_lie_in_the_workspace(tmp_path: Path) -> None:
 
 def test_the_nearer_of_two_packages_is_taken_and_that_is_told(tmp_path: Path) -> None:
     for folder in ("near/other", "far/away/other"):
-        (tmp_path / folder).mkdir(parents=True)
-        (tmp_path / folder / "package.xml").write_text("<package><name>other</name></package>")
-        (tmp_path / folder / "part.stl").write_text(TETRAHEDRON)
-    path = tmp_path / "near/robot.urdf"
-    path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="package://other/part.stl"/>'))
+        written(ros_package(tmp_path / folder) / "part.stl", TETRAHEDRON)
+    reference = ARM.replace('<sphere radius="0.5"/>', '<mesh filename="package://other/part.stl"/>')
+    path = written(tmp_path / "near/robot.urdf", reference)
     model = read_urdf(path, Packages(Workspace(path.parent, tmp_path)))
     assert mesh_text(model)
     assert [finding.rule for finding in model.findings] == ["missing-inertia", "unknown-part", "several-packages"]
 
 
-def test_the_engine_gets_nothing_to_look_at(tmp_path: Path) -> None:
+def test_the_engine_gets_short_lines_and_nothing_to_look_at(tmp_path: Path) -> None:
+    one_line = "".join(line.strip() for line in BURGER.splitlines()[1:])
+    model = read(tmp_path, one_line.replace("-->", "--> "))
+    assert max(len(line) for line in model.urdf.splitlines()) < 200
+    assert ET.fromstring(model.urdf).tag == "robot"
     texture = '<material name="m"><texture filename="/etc/hostname"/><color rgba="1 0 0 1"/></material>'
     visual = f'<visual><geometry><sphere radius="1"/></geometry>{texture}</visual>'
     urdf = read(tmp_path, ARM.replace("</link>", f"{visual}</link>{texture}", 1)).urdf
@@ -211,11 +199,14 @@ def test_files_that_are_no_urdf_are_refused(text: str | bytes, message: str, tmp
     assert message in str(refusal(tmp_path, text))
 
 
-def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
+def test_a_huge_file_is_refused_unread_and_a_missing_one_and_a_folder_as_well(tmp_path: Path) -> None:
     with (tmp_path / "robot.urdf").open("wb") as file:
         file.truncate(100_000_000)
     with pytest.raises(ModelError, match="a model may have at most 20 MB"):
         read_urdf(tmp_path / "robot.urdf")
+    for path in (tmp_path / "absent.urdf", tmp_path):
+        with pytest.raises(ModelError, match="cannot be read: "):
+            read_urdf(path)
 
 
 def test_a_visual_without_a_shape_hides_no_other(tmp_path: Path) -> None:
@@ -229,12 +220,6 @@ def test_very_many_problems_are_told_in_few_lines(tmp_path: Path) -> None:
     assert len(told) == 101
     assert told[99].endswith(":101: <link> has no attribute 'name' [missing-part]")
     assert "robot.urdf:102: 900 more problems like these" in told[100]
-
-
-def test_a_missing_file_and_a_folder_are_model_errors(tmp_path: Path) -> None:
-    for path in (tmp_path / "absent.urdf", tmp_path):
-        with pytest.raises(ModelError, match="cannot be read: "):
-            read_urdf(path)
 
 
 def test_links_of_meshes_in_a_circle_are_no_files(tmp_path: Path) -> None:
@@ -263,6 +248,7 @@ def test_a_damaged_model_is_a_model_or_a_model_error(
 
 
 BALL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 def read_allowing(folder: Path, text: str, *allow: str) -> RobotModel:
@@ -315,7 +301,9 @@ def test_a_body_that_would_turn_without_end_about_one_axis_keeps_its_other_momen
     assert max(iyy, izz) < ixx + min(iyy, izz)
 
 
-def test_an_expression_that_was_let_go_is_left_out(tmp_path: Path) -> None:
+def test_an_expression_and_a_mimic_of_itself_that_were_let_go_are_left_out(tmp_path: Path) -> None:
+    text = GOOD.replace("</joint>", '<mimic joint="shoulder"/><mimic joint="shoulder"/></joint>')
+    assert read_allowing(tmp_path, text, "bad-mimic").joints[0].mimic is None
     link = links(tmp_path, GOOD.replace("1 2 3", "${x} 2 3"), "unexpanded-expression")["base"]
     assert link.find("collision") is not None
     assert link.find("collision/origin") is None
@@ -341,14 +329,6 @@ def test_an_inertia_that_no_body_can_have_is_made_one_and_a_note_says_which(tmp_
         "two; 4, 4, 8 kg m^2 are used, the smallest increase that is possible; state the moments about the "
         "centre of mass"
     )
-
-
-def test_a_joint_that_was_let_go_as_it_mimics_itself_moves_by_itself_however_often_it_says_so(tmp_path: Path) -> None:
-    text = GOOD.replace("</joint>", '<mimic joint="shoulder"/><mimic joint="shoulder"/></joint>')
-    assert read_allowing(tmp_path, text, "bad-mimic").joints[0].mimic is None
-
-
-LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 
 
 def engine_text(folder: Path, text: str, *allow: str) -> ET.Element:
@@ -404,13 +384,6 @@ def test_an_axis_is_of_unit_length(axis: str, direction: str, tmp_path: Path) ->
     assert part(engine_text(tmp_path, text), "joint/axis")["xyz"] == direction
 
 
-def test_dynamics_that_say_nothing_are_left_out(tmp_path: Path) -> None:
-    # Bullet refuses the whole model.
-    assert (
-        engine_text(tmp_path, GOOD.replace('<dynamics damping="0.1"/>', "<dynamics/>")).find("joint/dynamics") is None
-    )
-
-
 # Also with prefixes that nobody declared.
 @pytest.mark.parametrize("name", ["", ' name=""', ' name="&#10;"', f' name="{"x" * 5000}"', ' xmlns:x="" y:z="1"'])
 def test_the_engine_has_its_own_name_for_the_robot(name: str, tmp_path: Path) -> None:
@@ -447,6 +420,9 @@ def test_a_second_of_what_there_is_one_of_is_left_out(tmp_path: Path) -> None:
     root = engine_text(tmp_path, GOOD.replace(mass, f'{mass}<mass value="7"/><origin xyz="9 9 9"/>', 1))
     assert [mass.attrib["value"] for mass in root.iterfind("link/inertial/mass")] == ["2.0", "1.0"]
     assert part(root, "link/inertial/origin") == {"xyz": "0.0 0.0 0.1"}
+    # Bullet refuses the whole model for dynamics that say nothing.
+    root = engine_text(tmp_path, GOOD.replace('<dynamics damping="0.1"/>', "<dynamics/>"))
+    assert root.find("joint/dynamics") is None
 
 
 @pytest.mark.parametrize(
@@ -480,3 +456,47 @@ def test_a_root_without_mass_that_carries_a_robot_does_not_fix_it(tmp_path: Path
     model = read_allowing(tmp_path, GOOD.replace("</robot>", f"{frame}{joint}</robot>"))
     assert (model.root, model.links_by_name["root"].mass) == ("root", None)
     assert [finding.rule for finding in model.findings] == ["massless-frame"]
+
+
+def read_series(folder: Path, kind: str, more: str = "", axis: str = "0 0 2") -> RobotModel:
+    """Return a model with a joint of several motions, which is replaced by joints in series and massless links."""
+    model = read_allowing(folder, GOOD.replace("revolute", kind).replace(LIMIT, more).replace("0 0 2", axis))
+    assert model.findings == ()
+    return model
+
+
+def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path: Path) -> None:
+    model = read_series(tmp_path, "planar")
+    assert [(part.name, part.type, part.axis_xyz) for part in model.joints] == [
+        ("shoulder_x", "prismatic", (1, 0, 0)),
+        ("shoulder_y", "prismatic", (0, 1, 0)),
+        ("shoulder_turn", "continuous", (0, 0, 1)),
+    ]
+    assert {part.series for part in model.joints} == {"shoulder"}
+    assert held_joints(model) == frozenset()
+    assert model.mass == 3
+    root = ET.fromstring(model.urdf)
+    masses = {link.attrib["name"]: mass.attrib["value"] for link in root for mass in link.iterfind("inertial/mass")}
+    assert masses == {"base": "2.0", "upper": "1.0", "shoulder_x": "0.0", "shoulder_y": "0.0"}
+    at = link_poses(model, {"shoulder_x": 1.0, "shoulder_y": 2.0, "shoulder_turn": 0.5})["upper"]
+    assert at.position_xyz == pytest.approx((1, 2, 1))
+    assert [joint.get("damping") for joint in root.iterfind("joint/dynamics")] == ["0.1"] * 3
+    x, y, z = (pytest.approx(axis) for axis in geometry.AXES)
+    for axis, slides in (("3 0 0", [y, z]), ("0 1 0", [z, x]), ("0 0 -1", [x, pytest.approx((0, -1, 0))])):
+        assert [slide.axis_xyz for slide in read_series(tmp_path, "planar", axis=axis).joints[:2]] == slides
+
+
+def test_a_universal_joint_has_limits_for_each_axis(tmp_path: Path) -> None:
+    model = read_series(tmp_path, "universal", '<limit lower="-1" upper="1"/><axis2 xyz="0 1 0"/><limit2 effort="3"/>')
+    first, second = model.joints
+    assert (first.name, first.type, first.lower, first.upper) == ("shoulder_1", "revolute", -1, 1)
+    assert (second.name, second.type, second.lower, second.max_effort) == ("shoulder_2", "continuous", None, 3)
+    assert held_joints(model) == frozenset()
+
+
+def test_a_floating_joint_below_the_base_is_three_slides_and_a_ball_joint(tmp_path: Path) -> None:
+    model = read_series(tmp_path, "floating")
+    slides = [f"shoulder_slide_{axis}" for axis in "xyz"]
+    assert [part.name for part in model.joints] == [*slides, "shoulder_x", "shoulder_y", "shoulder_z"]
+    assert [link.name for link in model.links if link.mass is None] == [*slides, "shoulder_x", "shoulder_y"]
+    assert model.balls == ("shoulder",)

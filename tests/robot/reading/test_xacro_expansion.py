@@ -143,20 +143,19 @@ def test_a_file_may_include_itself_for_a_while(ros: RosWorkspace) -> None:
     assert len(ET.fromstring(expanded(ros, body).text).findall("a")) == 3
 
 
-def test_other_encodings_are_read(ros: RosWorkspace) -> None:
+def test_other_encodings_and_a_hundred_elements_inside_each_other_are_read(ros: RosWorkspace) -> None:
+    # One more is the root.
+    assert expanded(ros, "<a>" * 99 + "</a>" * 99).text.count("<a") == 99
     text = f'<?xml version="1.0" encoding="ISO-8859-1"?><robot {NAMESPACE}><a x="é"/></robot>'
     (ros.root / URDF / "latin.xacro").write_bytes(text.encode("latin-1"))
     assert element(expanded(ros, '<xacro:include filename="latin.xacro"/>')).get("x") == "é"
 
 
-def test_what_xacro_says_becomes_notes(ros: RosWorkspace, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_xacro_says_becomes_notes_within_bounds(ros: RosWorkspace, capfd: pytest.CaptureFixture[str]) -> None:
     body = "<a x=\"${xacro.warning('old', 'file')}${xacro.message('hello')}\"/>\n<xacro:property name='pi' value='3'/>"
     where = f"when processing file: {ros.root}/{URDF}/test.urdf.xacro"
     assert expanded(ros, body).notes == (f"old file, {where}", "hello", f"redefining global symbol: pi, {where}")
     assert capfd.readouterr() == ("", "")
-
-
-def test_what_xacro_says_is_bounded(ros: RosWorkspace) -> None:
     notes = expanded(ros, "<a x=\"${[xacro.message(str(i) + 'word' * 1000) for i in python.range(100)]}\"/>").notes
     assert 10_000 < sum(map(len, notes)) <= 20_000
 
@@ -172,9 +171,7 @@ def test_nothing_of_xacro_stays_replaced(body: str, ros: RosWorkspace, monkeypat
     assert xacro.substitution_args.os is os
     assert "open" not in vars(xacro)
     assert "ament_index_python.packages" not in sys.modules
-
-
-def test_an_ament_that_is_there_is_put_back(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
+    # An ament that is there is put back.
     theirs = type(sys)("ament_index_python.packages")
     monkeypatch.setitem(sys.modules, theirs.__name__, theirs)
     assert element(expanded(ros, '<a x="$(find rover_sensors)"/>')).get("x") == str(ros.sensors)
@@ -187,117 +184,69 @@ def test_one_expansion_leaves_nothing_to_the_next(ros: RosWorkspace) -> None:
     assert "unknown macro 'm'" in str(refusal(ros, "<xacro:m/>"))
 
 
-@pytest.mark.parametrize(
-    ("body", "rule", "message"),
-    [
+INCLUDED = '<xacro:include filename="wheel.xacro"/>\n'
+IN_WHEEL = "when evaluating expression 'wheel_radius', in macro 'wheel' called at test.urdf.xacro:3"
+NOT_SET = 'has no value: set it in robot.args, or declare it before its use with <xacro:arg name="size" default="..."/>'
+PREFIX = 'declare the prefix in the root element, as in <robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
+LIDAR = "package://rover_sensors/urdf/lidar.xacro"
+# rule -> texts, and the message
+REFUSED: dict[str, list[tuple[str, str]]] = {
+    "bad-xacro": [
         (
             '<a/>\n<a x="${wheel_radus * 2}"/>\n<xacro:property name="wheel_radius" value="1"/>',
-            "bad-xacro",
-            "test.urdf.xacro:3: property 'wheel_radus' is not defined, when evaluating expression 'wheel_radus * 2'",
+            "3: property 'wheel_radus' is not defined, when evaluating expression 'wheel_radus * 2'",
         ),
         (
-            '<xacro:property name="wheel_radius" value="1"/>\n<a>\n<b>${wheel_radus}</b></a>',
-            "bad-xacro",
-            (
-                "test.urdf.xacro:4: property 'wheel_radus' is not defined; did you mean 'wheel_radius'?, "
-                "when evaluating expression 'wheel_radus'"
-            ),
+            '<xacro:property name="track" value="1"/>\n<a>\n<b>${trak}</b></a>',
+            "4: property 'trak' is not defined; did you mean 'track'?, when evaluating expression 'trak'",
         ),
         (
-            '<xacro:include filename="wheel.xacro"/>\n<xacro:whel side="left"/>',
-            "bad-xacro",
-            ("test.urdf.xacro:3: unknown macro 'whel'; did you mean 'wheel'?; check that its file is included"),
+            f'{INCLUDED}<xacro:whel side="left"/>',
+            "3: unknown macro 'whel'; did you mean 'wheel'?; check that its file is included",
+        ),
+        (f'{INCLUDED}<xacro:wheel side="left"/>', "3: macro 'wheel': Undefined parameters [reflect]"),
+        (
+            f'{INCLUDED}<xacro:wheel side="left" reflect="1" color="red"/>',
+            "3: macro 'wheel': Invalid parameter \"color\"",
         ),
         (
-            '<xacro:include filename="wheel.xacro"/>\n<xacro:wheel side="left"/>',
-            "bad-xacro",
-            "test.urdf.xacro:3: macro 'wheel': Undefined parameters [reflect]",
+            f'{INCLUDED}<xacro:wheel side="left" reflect="1"/>',
+            f"wheel.xacro:5: property 'wheel_radius' is not defined, {IN_WHEEL}",
         ),
         (
-            '<xacro:include filename="wheel.xacro"/>\n<xacro:wheel side="left" reflect="1" color="red"/>',
-            "bad-xacro",
-            "test.urdf.xacro:3: macro 'wheel': Invalid parameter \"color\"",
+            f'<xacro:include filename="{LIDAR}"/>',
+            f"2: '{LIDAR}': in xacro, write $(find name)/path/of/the/file for a file of a package",
         ),
-        (
-            '<xacro:include filename="wheel.xacro"/>\n<xacro:wheel side="left" reflect="1"/>',
-            "bad-xacro",
-            (
-                "wheel.xacro:5: property 'wheel_radius' is not defined, when evaluating expression 'wheel_radius', "
-                "in macro 'wheel' called at test.urdf.xacro:3"
-            ),
-        ),
+        ('\n<a x="$(env ABSENT)"/>', "3: environment variable 'ABSENT' is not set"),
+        ('<a x="${1 / 0}"/>', "2: ZeroDivisionError: division by zero, when evaluating expression '1 / 0'"),
+        ('<a x="${1 +}"/>', "2: SyntaxError: invalid syntax, when evaluating expression '1 +'"),
+        ('<a x="${"/>', "2: invalid expression: ${"),
+        ('<xacro:arg name="x"/>', "2: xacro:arg: missing attribute 'default'"),
+        ('<xacro:insert_block name="b"/>', '2: Undefined block "b"'),
+        ("<a x=\"${xacro.fatal('small')}\"/>", "2: small, when evaluating expression 'xacro.fatal('small')'"),
+    ],
+    "missing-include": [
         (
             '\n<xacro:include filename="whel.xacro"/>',
-            "missing-include",
-            "test.urdf.xacro:3: 'whel.xacro' does not exist (looked for whel.xacro); did you mean 'wheel.xacro'?",
+            "3: 'whel.xacro' does not exist (looked for whel.xacro); did you mean 'wheel.xacro'?",
         ),
-        (
-            "\n<a x=\"${xacro.load_yaml('absent.yaml')}\"/>",
-            "missing-include",
-            "test.urdf.xacro:3: 'absent.yaml' does not exist (looked for absent.yaml)",
-        ),
-        (
-            '<xacro:include filename="package://rover_sensors/urdf/lidar.xacro"/>',
-            "bad-xacro",
-            (
-                "test.urdf.xacro:2: 'package://rover_sensors/urdf/lidar.xacro': "
-                "in xacro, write $(find name)/path/of/the/file for a file of a package"
-            ),
-        ),
-        (
-            '\n<a x="$(arg size)"/>',
-            "unknown-argument",
-            (
-                "test.urdf.xacro:3: argument 'size' has no value: set it in robot.args, "
-                'or declare it before its use with <xacro:arg name="size" default="..."/>'
-            ),
-        ),
-        ('\n<a x="$(env ABSENT)"/>', "bad-xacro", "test.urdf.xacro:3: environment variable 'ABSENT' is not set"),
-        (
-            '<a x="${1 / 0}"/>',
-            "bad-xacro",
-            "test.urdf.xacro:2: ZeroDivisionError: division by zero, when evaluating expression '1 / 0'",
-        ),
-        (
-            '<a x="${1 +}"/>',
-            "bad-xacro",
-            "test.urdf.xacro:2: SyntaxError: invalid syntax, when evaluating expression '1 +'",
-        ),
-        ('<a x="${"/>', "bad-xacro", "test.urdf.xacro:2: invalid expression: ${"),
-        ('<xacro:arg name="x"/>', "bad-xacro", "test.urdf.xacro:2: xacro:arg: missing attribute 'default'"),
-        ('<xacro:insert_block name="b"/>', "bad-xacro", 'test.urdf.xacro:2: Undefined block "b"'),
-        (
-            "<a x=\"${xacro.fatal('wrong size')}\"/>",
-            "bad-xacro",
-            "test.urdf.xacro:2: wrong size, when evaluating expression 'xacro.fatal('wrong size')'",
-        ),
-        (
-            "<a>",
-            "bad-xml",
-            (
-                "test.urdf.xacro:3: not well-formed XML: mismatched tag: found </robot>, "
-                "expected the end of <a> from line 2"
-            ),
-        ),
-        (
-            "<gazebo:a/>",
-            "bad-xml",
-            (
-                "test.urdf.xacro:2: not well-formed XML: unbound prefix; declare the prefix in the root element, "
-                'as in <robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
-            ),
-        ),
-        ("<a>" * 100 + "</a>" * 100, "bad-xml", "test.urdf.xacro:2: more than 100 elements inside each other"),
+        ("\n<a x=\"${xacro.load_yaml('a.yaml')}\"/>", "3: 'a.yaml' does not exist (looked for a.yaml)"),
     ],
+    "unknown-argument": [('\n<a x="$(arg size)"/>', f"3: argument 'size' {NOT_SET}")],
+    "bad-xml": [
+        ("<a>", "3: not well-formed XML: mismatched tag: found </robot>, expected the end of <a> from line 2"),
+        ("<gazebo:a/>", f"2: not well-formed XML: unbound prefix; {PREFIX}"),
+        ("<a>" * 100 + "</a>" * 100, "2: more than 100 elements inside each other"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("body", "rule", "message"), [(body, rule, message) for rule, rows in REFUSED.items() for body, message in rows]
 )
 def test_what_does_not_expand_is_told_with_its_line(body: str, rule: str, message: str, ros: RosWorkspace) -> None:
     error = refusal(ros, body)
-    assert (error.rule, told(ros, error)) == (rule, message)
-
-
-def test_a_hundred_elements_may_be_inside_each_other(ros: RosWorkspace) -> None:
-    # One more is the root.
-    assert expanded(ros, "<a>" * 99 + "</a>" * 99).text.count("<a") == 99
+    assert (error.rule, told(ros, error).removeprefix("test.urdf.xacro:")) == (rule, message)
 
 
 def test_the_way_to_an_error_goes_through_macros_and_files(ros: RosWorkspace) -> None:
@@ -366,16 +315,13 @@ def test_allow_outside_lifts_it(ros: RosWorkspace, tmp_path: Path) -> None:
     assert element(expand(path, {}, ros.packages(allow_outside=True))).get("x") == "1"
 
 
-def test_files_that_include_each_other_without_end_are_told(ros: RosWorkspace) -> None:
+def test_files_that_include_each_other_without_end_or_multiply_are_told(ros: RosWorkspace) -> None:
     ros.write(f"{URDF}/a.xacro", f'<robot {NAMESPACE}><xacro:include filename="b.xacro"/></robot>')
     ros.write(f"{URDF}/b.xacro", f'<robot {NAMESPACE}>\n<xacro:include filename="a.xacro"/></robot>')
     error = refusal(ros, '<xacro:include filename="a.xacro"/>')
     assert error.rule == "bad-xacro"
     assert told(ros, error).startswith("b.xacro:2: files include each other in a loop: a.xacro -> b.xacro -> a.xacro,")
     assert len(error.message) < 2000
-
-
-def test_includes_that_multiply_are_bounded(ros: RosWorkspace) -> None:
     for name, inner in ("ab", "bc", "cd", "de", "ef"):
         fourfold = f'<xacro:include filename="{inner}.xacro"/>' * 4
         ros.write(f"{URDF}/{name}.xacro", f"<robot {NAMESPACE}>{fourfold}</robot>")
@@ -383,14 +329,13 @@ def test_includes_that_multiply_are_bounded(ros: RosWorkspace) -> None:
     assert "more than 1000 files are included" in str(refusal(ros, '<xacro:include filename="a.xacro"/>'))
 
 
-def test_macros_that_call_themselves_without_end_are_told(ros: RosWorkspace) -> None:
+def test_macros_that_call_themselves_without_end_or_multiply_are_told(
+    ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
     error = refusal(ros, '\n<xacro:macro name="m">\n<xacro:m/></xacro:macro><xacro:m/>')
     assert error.location.line == 4
     assert "macros call each other without end, or too deep" in error.message
     assert "in macro 'm' called at" in error.message
-
-
-def test_macros_that_multiply_are_bounded(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xacro_documents, "_MAX_COPIES", 1000)
     calls = "".join(
         f'<xacro:macro name="m{n}"><xacro:m{n - 1}/><xacro:m{n - 1}/></xacro:macro>\n' for n in range(1, 30)
@@ -399,13 +344,10 @@ def test_macros_that_multiply_are_bounded(ros: RosWorkspace, monkeypatch: pytest
     assert "macros create more than 1,000 elements" in error.message
 
 
-def test_what_it_expands_to_is_bounded(ros: RosWorkspace) -> None:
+def test_what_it_expands_to_is_bounded_and_its_exit_is_an_error(ros: RosWorkspace) -> None:
     assert "expands to more than 20 MB" in str(refusal(ros, "<a x=\"${'x' * 21000000}\"/>"))
     assert "out of memory" in str(refusal(ros, "<a x=\"${'x' * 10**14}\"/>"))
-
-
-def test_an_expression_that_ends_the_process_is_an_error(ros: RosWorkspace) -> None:
-    """It shows as well that xacro runs any code: this is Python's own exit, which no one gave it."""
+    # It shows as well that xacro runs any code: this is Python's own exit, which no one gave it.
     error = refusal(ros, '<xacro:property name="p" value="exit(3)"/>\n<a x="$(eval ${p})"/>')
     assert told(ros, error) == "test.urdf.xacro:3: SystemExit: 3"
 
@@ -429,17 +371,11 @@ def test_files_that_are_no_xacro_are_refused(data: bytes, message: str, ros: Ros
         assert raised.value.location.file == f"{ros.root}/{URDF}/odd.xacro"
 
 
-def test_yaml_that_is_no_text_is_refused(ros: RosWorkspace) -> None:
+def test_yaml_that_is_no_text_a_pipe_and_a_missing_file_are_refused(ros: RosWorkspace) -> None:
     (ros.root / URDF / "odd.yaml").write_bytes(b"\xff\xfe")
     assert "save it as UTF-8" in str(refusal(ros, "<a x=\"${xacro.load_yaml('odd.yaml')}\"/>"))
-
-
-def test_a_pipe_holds_nobody_up(ros: RosWorkspace) -> None:
     os.mkfifo(ros.root / URDF / "pipe.xacro")
     assert refusal(ros, '<xacro:include filename="pipe.xacro"/>').rule == "missing-include"
-
-
-def test_a_file_that_is_not_there_is_an_error(ros: RosWorkspace) -> None:
     with pytest.raises(XacroError, match=r"absent\.xacro: .*No such file") as raised:
         expand(ros.root / "absent.xacro", {}, ros.packages())
     assert raised.value.rule == "missing-include"
