@@ -7,8 +7,14 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario, Problem
-from sim_action.scenario.loading import load_scenario
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import read_document
+from sim_action.scenario.files import read_file
+from sim_action.scenario.loading import load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations.expansion import expanded
 
 LEAST = """\
 name: burger drives straight
@@ -22,6 +28,9 @@ expect:
   - travel: {at_least: 1.5 m}
 time_limit: 30 s
 """
+
+COMMANDS = LEAST[LEAST.index("commands:") : LEAST.index("expect:")]
+"""Those of the least scenario."""
 
 FULL = """\
 version: 1
@@ -59,6 +68,11 @@ trace: {rate: 20 Hz}
 """
 
 
+def expecting(*entries: str) -> str:
+    """The least scenario with other expectations; the first begins in line 9."""
+    return LEAST.replace("  - travel: {at_least: 1.5 m}\n", "".join(f"  - {entry}\n" for entry in entries))
+
+
 def load(folder: Path, text: str | bytes) -> LoadedScenario:
     path = folder / "s.sim.yml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -73,7 +87,35 @@ def problems(folder: Path, text: str | bytes) -> list[Problem]:
 
 def told(folder: Path, text: str | bytes) -> list[str]:
     """Such as "3:1: robot.model: expected text": problems without the file, which is checked."""
-    found = problems(folder, text)
+    refused = problems(folder, text)
     file = str(folder / "s.sim.yml")
-    assert {problem.location.file for problem in found} == {file}
-    return [str(problem).removeprefix(f"{file}:") for problem in found]
+    assert {problem.location.file for problem in refused} == {file}
+    return [str(problem).removeprefix(f"{file}:") for problem in refused]
+
+
+def runs(more: str, folder: Path = Path(), seed: int | None = None, least: str = LEAST) -> tuple[Source, ...]:
+    """The runs of the least scenario with more keys, which is called 'push'; its file is not written."""
+    folder = folder.absolute()
+    document = read_document("s.sim.yml", least + more)
+    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), seed)
+
+
+def refused_runs(more: str, folder: Path = Path()) -> list[str]:
+    """Such as "12:3: variations: ...": why the runs of the least scenario with more keys are refused."""
+    with pytest.raises(InvalidScenario) as raised:
+        runs(more, folder)
+    return [str(problem).removeprefix("s.sim.yml:") for problem in raised.value.problems]
+
+
+def load_runs(folder: Path, text: str) -> list[LoadedScenario | Refused]:
+    """What loading makes of all runs of a file."""
+    path = folder / "s.sim.yml"
+    path.write_text(text)
+    return load_all(read_file(path, Permissions()), Permissions())
+
+
+def load_refused(folder: Path, text: str) -> Refused:
+    """What loading makes of a file that is refused as a whole."""
+    (refused,) = load_runs(folder, text)
+    assert isinstance(refused, Refused)
+    return refused

@@ -17,17 +17,9 @@ HARMLESS = [
 SECRET = [
     *("GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"),
     *("ACTIONS_RUNTIME_TOKEN", "ACTIONS_ID_TOKEN_REQUEST_URL", "INPUT_SCENARIO", "SET_UP_INSTANTS", "AWS_SECRET_KEY"),
-    *(
-        "CI_JOB_TOKEN",
-        "CI_REPOSITORY_URL",
-        "DATABASE_URL",
-        "HTTPS_PROXY",
-        "PIP_INDEX_URL",
-        "UV_INDEX_URL",
-        "SSH_AUTH_SOCK",
-    ),
+    *("CI_JOB_TOKEN", "CI_REPOSITORY_URL", "DATABASE_URL", "HTTPS_PROXY", "PIP_INDEX_URL", "UV_INDEX_URL"),
     *("ROS_TOKEN", "PYTHON_KEYRING_PASSWORD", "CONDA_TOKEN", "LC_API_KEY", "GZ_PASS", "GZ_PAT", "ros_password"),
-    *("PYTHON_SECRET", "CUDA_CREDENTIALS", "XDG_COOKIE", "GITHUB_EVENT_PATH", "MY_ROBOT"),
+    *("PYTHON_SECRET", "CUDA_CREDENTIALS", "XDG_COOKIE", "GITHUB_EVENT_PATH", "MY_ROBOT", "SSH_AUTH_SOCK"),
 ]
 
 
@@ -45,36 +37,29 @@ def test_other_variables_are_seen_only_if_the_caller_names_them(name: str) -> No
 
 def test_the_last_source_counts() -> None:
     job = {"TZ": "job", "ROUTE": "job", "PATH": "/bin"}
-    assert child_environment.code_environment(job, (), {"TZ": "scenario", "ROUTE": "scenario"}) == {
-        "TZ": "scenario",
-        "ROUTE": "scenario",
-        "PATH": "/bin",
-    }
+    stated = {"TZ": "scenario", "ROUTE": "scenario"}
+    assert child_environment.code_environment(job, (), stated) == {**stated, "PATH": "/bin"}
     assert child_environment.code_environment(job, ["ROUTE"], {"ROUTE": "scenario"})["ROUTE"] == "job"
 
 
 def test_variables_that_differ_from_call_to_call_are_not_compared() -> None:
-    assert child_environment.compared_variables({"GITHUB_SHA": "1", "TMPDIR": "/t", "PATH": "/b", "HOME": "/"}) == {
-        "HOME": "/",
-        "PATH": "/b",
-    }
+    kept = {"PATH": "/b", "HOME": "/"}
+    assert child_environment.compared_variables({"GITHUB_SHA": "1", "TMPDIR": "/t", **kept}) == kept
 
 
 @pytest.mark.parametrize(
     "name",
     [
+        *("LD_PRELOAD", "LD_LIBRARY_PATH", "ld_preload", "PYTHONPATH", "PYTHONSTARTUP", "PYTHON", "GITHUB_TOKEN"),
+        *("GITHUB_ANYTHING", "RUNNER_TEMP", "INPUT_X", "ACTIONS_X", "SIM_ACTION_BACKEND", "HOME", "TMPDIR", "BASH_ENV"),
         *(
-            "LD_PRELOAD",
-            "LD_LIBRARY_PATH",
-            "ld_preload",
-            "PYTHONPATH",
-            "PYTHONSTARTUP",
-            "PYTHON",
-            "GITHUB_TOKEN",
+            "ROS_PACKAGE_PATH",
+            "AMENT_PREFIX_PATH",
+            "GAZEBO_MODEL_PATH",
+            "GZ_SIM_RESOURCE_PATH",
+            "XDG_CACHE_HOME",
             "PATH",
         ),
-        *("GITHUB_ANYTHING", "RUNNER_TEMP", "INPUT_X", "ACTIONS_X", "SIM_ACTION_BACKEND", "HOME", "TMPDIR", "BASH_ENV"),
-        *("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "XDG_CACHE_HOME"),
         *("ROS_SECURITY_KEYSTORE", "MUJOCO_GL", "OMP_NUM_THREADS", "GLIBC_TUNABLES", "PYDANTIC_X", "CMAKE_PREFIX_PATH"),
     ],
 )

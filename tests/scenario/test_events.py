@@ -33,6 +33,10 @@ BASE: dict[str, Any] = {
 }
 CRATE = {"name": "crate", "box": [0.1, 0.1, 0.1], "pose": {"x": 0.8, "y": 0.02}, "mass": 0.2}
 CART = {"name": "cart", "box": [0.2, 0.2, 0.2], "path": [{"at": 0, "x": 2, "y": -1}, {"at": 2, "y": 1}]}
+SLOW = {**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 4, "y": 0.6}]}
+QUICK = {**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}]}
+BLOCK = {**CRATE, "mass": 50, "pose": {"x": 0.5}}
+ICE = {"x": 1, "size": [3, 2], "friction": 0.01}
 PASSES = {"name": "passes", "when": {"stl": "x > 0.15 m"}}
 
 
@@ -56,47 +60,23 @@ def with_event(folder: Path, do: list[Any], **keys: Any) -> tuple[SimulationRun,
             {},
             lambda time: {"disturbances": [{"at": time, "force": [0, 3, 0], "for": 0.2}]},
         ),
-        (
-            {"disturb": {"payload": 1.0, "at": 0.1}},
-            {},
-            lambda time: {"disturbances": [{"at": time + 0.1, "payload": 1.0}]},
-        ),
+        ({"disturb": {"payload": 1, "at": 0.1}}, {}, lambda time: {"disturbances": [{"at": time + 0.1, "payload": 1}]}),
         ({"appear": "crate"}, {"objects": [CRATE]}, lambda time: {"objects": [{**CRATE, "appears": time}]}),
-        (
-            {"remove": "crate"},
-            {"objects": [{**CRATE, "mass": 50, "pose": {"x": 0.5}}]},
-            lambda time: {"objects": [{**CRATE, "mass": 50, "pose": {"x": 0.5}, "disappears": time}]},
-        ),
+        ({"remove": "crate"}, {"objects": [BLOCK]}, lambda time: {"objects": [{**BLOCK, "disappears": time}]}),
         (
             {"appear": "ice"},
-            {"patches": [{"name": "ice", "x": 1, "size": [3, 2], "friction": 0.01}]},
-            lambda time: {"patches": [{"x": 1, "size": [3, 2], "friction": 0.01, "appears": time}]},
+            {"patches": [{"name": "ice", **ICE}]},
+            lambda time: {"patches": [{**ICE, "appears": time}]},
         ),
         (
             {"speed": {"object": "cart", "factor": 3}},
-            {"objects": [{**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 4, "y": 0.6}]}]},
-            lambda time: {
-                "objects": [
-                    {
-                        **CART,
-                        "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 4, "y": 0.6}],
-                        "pace": [{"at": time, "speed": 3}],
-                    }
-                ]
-            },
+            {"objects": [SLOW]},
+            lambda time: {"objects": [{**SLOW, "pace": [{"at": time, "speed": 3}]}]},
         ),
         (
             {"start": "cart"},
-            {"objects": [{**CART, "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}]}]},
-            lambda time: {
-                "objects": [
-                    {
-                        **CART,
-                        "path": [{"at": 0, "x": 0.5, "y": -0.6}, {"at": 1, "y": 0.6}],
-                        "pace": [{"at": 0, "speed": 0}, {"at": time, "speed": 1}],
-                    }
-                ]
-            },
+            {"objects": [QUICK]},
+            lambda time: {"objects": [{**QUICK, "pace": [{"at": 0, "speed": 0}, {"at": time, "speed": 1}]}]},
         ),
     ],
     ids=["push", "load", "appear", "remove", "friction", "speed", "path"],
@@ -130,11 +110,8 @@ def test_a_fault_ends_with_an_event(tmp_path: Path) -> None:
 
 def test_a_motor_dies_half_way_and_two_carts_meet(tmp_path: Path) -> None:
     """A motor dies where the robot is, not at a time; a robot and a cart stop before they touch each other."""
-    dies = {
-        "name": "half way",
-        "when": {"stl": "x > 0.4 m"},
-        "do": [{"fault": {"motor": "wheel_left_joint", "off": None}}],
-    }
+    fault = {"motor": "wheel_left_joint", "off": None}
+    dies = {"name": "half way", "when": {"stl": "x > 0.4 m"}, "do": [{"fault": fault}]}
     half = {"expect": [{"max_speed": {"linear": 0.5}, "since": "half way"}], "duration": "3 s"}
     found = run(tmp_path, events=[dies], **half)
     (time,) = found.events["half way"]
@@ -149,7 +126,11 @@ def test_a_motor_dies_half_way_and_two_carts_meet(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_run_ends_with_an_event_as_with_its_time_limit(tmp_path: Path, engine: str) -> None:
-    found, time = with_event(tmp_path, ["end"], expect=["upright"], backend=engine)
+    found, time = with_event(tmp_path, ["end"], expect=["upright"], backend=engine, trace={"rate": 240})
+    # A condition holds at the step before its event.
+    x = found.trace.base_position_xyz[:, 0]
+    assert x[-2] >= 0.15 > x[-3]
+    assert time == pytest.approx(found.trace.time[-1])
     short = run(tmp_path, expect=["upright"], duration=time, time_limit=time, backend=engine)
     assert (found.end, found.sim_time, found.digest) == ("event", time, short.digest)
 
@@ -293,13 +274,6 @@ def test_the_force_of_a_stopped_source_ends(tmp_path: Path, engine: str) -> None
     assert found.end == "event"
     assert np.polyfit(time[2:12], height[2:12], 2)[0] > 2
     assert 2 * np.polyfit(time[-12:], height[-12:], 2)[0] == pytest.approx(-9.8, abs=2)
-
-
-def test_a_condition_holds_at_the_step_before_its_event(tmp_path: Path) -> None:
-    found, time = with_event(tmp_path, ["end"], trace={"rate": 240}, expect=["upright"])
-    x = found.trace.base_position_xyz[:, 0]
-    assert x[-2] >= 0.15 > x[-3]
-    assert time == pytest.approx(found.trace.time[-1])
 
 
 @pytest.mark.parametrize(
@@ -459,10 +433,8 @@ def test_a_path_goes_as_far_as_its_paces_say(changes: list[tuple[float, float]],
     ],
 )
 def test_what_is_wrong_is_named_with_its_remedy(tmp_path: Path, events: str, message: str) -> None:
-    wall, crate = (
-        "{name: wall, box: [0.1, 1, 1], pose: {x: 3}}",
-        "{name: crate, box: [0.1, 0.1, 0.1], mass: 1, pose: {x: 2}}",
-    )
+    wall = "{name: wall, box: [0.1, 1, 1], pose: {x: 3}}"
+    crate = "{name: crate, box: [0.1, 0.1, 0.1], mass: 1, pose: {x: 2}}"
     late = "{name: late, sphere: {radius: 0.1}, pose: {y: 3}, appears: 2 s}"
     text = f"""
 name: burger
@@ -476,8 +448,8 @@ events: {events}
 expect: [{{travel: {{at_least: 1}}}}]
 time_limit: 8 s
 """
-    found = told(tmp_path, text)
-    assert any(message in each for each in found), found
+    problems = told(tmp_path, text)
+    assert any(message in problem for problem in problems), problems
 
 
 def test_a_refused_event_shifts_no_other(tmp_path: Path) -> None:

@@ -46,6 +46,9 @@ def test_the_words_of_a_process_are_files_if_there_are_such_files(tmp_path: Path
     expected = ("python3", "../lib/drive.py", "../lib/drive.py", "1.5", "--out=a.b", "x" * 5000)
     assert moved(tmp_path, {"commands": {"process": words}}) == {"commands": {"process": expected}}
     assert moved(tmp_path, {"commands": ({"process": words},)}) == {"commands": ({"process": expected},)}
+    text = moved(tmp_path, {"commands": {"process": "./drive.py 'a b'"}})
+    assert text == {"commands": {"process": ("../lib/drive.py", "a b")}}
+    assert moved(tmp_path, {"commands": {"process": "'"}}) == {"commands": {"process": "'"}}
 
 
 def test_surfaces_and_maps_are_the_same_files(tmp_path: Path) -> None:
@@ -83,12 +86,6 @@ def test_files_that_vary_are_the_same_files(tmp_path: Path) -> None:
     assert moved(tmp_path, {"variations": variations("")}) == {"variations": variations("../lib/")}
 
 
-def test_a_process_may_be_one_text(tmp_path: Path) -> None:
-    found = moved(tmp_path, {"commands": {"process": "./drive.py 'a b'"}})
-    assert found == {"commands": {"process": ("../lib/drive.py", "a b")}}
-    assert moved(tmp_path, {"commands": {"process": "'"}}) == {"commands": {"process": "'"}}
-
-
 @pytest.mark.parametrize("data", [{"commands": 7}, {"commands": ({"script": ("a.py",)},)}, {"robot": None}, {}])
 def test_what_is_no_name_stays_what_it_is(data: dict[str, Any], tmp_path: Path) -> None:
     assert moved(tmp_path, data) == data
@@ -97,12 +94,12 @@ def test_what_is_no_name_stays_what_it_is(data: dict[str, Any], tmp_path: Path) 
 def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:
     """A new key that names files is told of here: annotate it with NamesFile."""
     keys = (*file_keys(), *file_keys(if_there=True))
-    known = {"path"} | {pattern[-1] for pattern in keys} | {pattern[-2] for pattern in keys}
+    names = {"path"} | {pattern[-1] for pattern in keys} | {pattern[-2] for pattern in keys}
     models: list[type[BaseModel]] = [Robot, *(table.load(name) for table in (COMMANDS, ASSERTIONS) for name in table)]
     for model in models:
         for name, field in model.model_fields.items():
             if re.search(r"\b(path of|folders? of|the program|FILE)\b", field.description or ""):
-                assert name in known, (model, name)
+                assert name in names, (model, name)
 
 
 BASE = """\
@@ -187,11 +184,8 @@ def test_an_entry_is_a_document_with_the_places_of_its_own() -> None:
     first, second = read_document("base.yml", text).entries("list")
     assert (first.data, second.data) == ({"b": 2}, {"c": (3,)})
     assert place(first, "b") == "base.yml:3:6"
-    assert (place(second), place(second, "c", 0), place(second, "a")) == (
-        "base.yml:4:5",
-        "base.yml:4:9",
-        "base.yml:4:5",
-    )
+    places = [place(second, *path) for path in ((), ("c", 0), ("a",))]
+    assert places == ["base.yml:4:5", "base.yml:4:9", "base.yml:4:5"]
 
 
 def test_keys_that_are_left_out_are_gone() -> None:

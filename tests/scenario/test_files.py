@@ -49,11 +49,8 @@ def test_a_base_may_extend_another_and_be_a_scenario_itself(tmp_path: Path) -> N
 
 
 def test_every_problem_is_told_in_its_own_file(tmp_path: Path) -> None:
-    write(
-        tmp_path,
-        b_base=PART.replace("linear: 1.0", "linear: fast"),
-        a="extends: b.base.yml\nname: x\nrobot: {psoe: {}}\ntime_limit: 30 kg\n",
-    )
+    scenario = "extends: b.base.yml\nname: x\nrobot: {psoe: {}}\ntime_limit: 30 kg\n"
+    write(tmp_path, b_base=PART.replace("linear: 1.0", "linear: fast"), a=scenario)
     assert [problem.split(": ")[:2] for problem in told(tmp_path / "a.sim.yml")] == [
         ["a.sim.yml:3:9", "robot.psoe"],
         ["a.sim.yml:4:1", "time_limit"],
@@ -95,10 +92,7 @@ def test_a_built_in_robot_of_a_base_in_another_folder_stays_that(
 @pytest.mark.parametrize(
     ("extends", "problem"),
     [
-        (
-            "bse.base.yml",
-            "'bse.base.yml' does not exist (looked for {folder}/bse.base.yml); did you mean 'b.base.yml'?",
-        ),
+        ("bse.base.yml", "'bse.base.yml' does not exist (looked for bse.base.yml); did you mean 'b.base.yml'?"),
         ("a.sim.yml", "the files extend each other in a circle: a.sim.yml -> a.sim.yml"),
         ("loop.base.yml", "the files extend each other in a circle: a.sim.yml -> loop.base.yml -> a.sim.yml"),
         ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; " + OUTSIDE_REMEDY),
@@ -110,10 +104,9 @@ def test_a_built_in_robot_of_a_base_in_another_folder_stays_that(
 )
 def test_what_cannot_be_extended(extends: str, problem: str, tmp_path: Path) -> None:
     write(tmp_path, b_base=PART, loop_base="extends: a.sim.yml\n", a=f"name: a\nextends: {extends}\n")
-    (found,) = told(tmp_path / "a.sim.yml")
+    (line,) = told(tmp_path / "a.sim.yml")
     place = "loop.base.yml:1:1" if extends == "loop.base.yml" else "a.sim.yml:2:1"
-    expected = f"{place}: extends: {problem.format(folder=tmp_path)}"
-    assert found == expected.replace(f"{tmp_path}/bse", "bse")
+    assert line == f"{place}: extends: {problem.format(folder=tmp_path)}"
 
 
 def test_a_base_that_is_a_link_out_of_the_workspace_is_outside(tmp_path: Path) -> None:
@@ -154,10 +147,7 @@ def test_two_of_a_kind_from_two_files_are_told_so(tmp_path: Path) -> None:
     assert problem == (
         "a.sim.yml:3:12: commands.script: 'twist' of b.base.yml stands beside it; take that out with 'twist: null'"
     )
-
-
-def test_a_key_that_is_taken_out_of_a_base_makes_room_for_another(tmp_path: Path) -> None:
-    write(tmp_path, b_base=PART, a="extends: b.base.yml\nname: a\ncommands: {twist: null, script: stop.py}\n")
+    write(tmp_path, a="extends: b.base.yml\nname: a\ncommands: {twist: null, script: stop.py}\n")
     (tmp_path / "stop.py").write_text("def control(observation):\n    return None\n")
     assert load_scenario(tmp_path / "a.sim.yml").scenario.runs_user_code
 
@@ -172,9 +162,9 @@ SHARED = "".join(line for line in LEAST.splitlines(keepends=True) if "name" not 
 
 def test_a_file_may_hold_several_scenarios_on_what_stands_beside_them(tmp_path: Path) -> None:
     text = f"scenarios:\n  - name: far\n  - name: near\n    robot: {{pose: {{x: 1}}}}\n    time_limit: 5 s\n{SHARED}"
-    found = load_all(several(tmp_path, text), Permissions())
-    assert all(isinstance(scenario, LoadedScenario) for scenario in found)
-    far, near = (scenario for scenario in found if isinstance(scenario, LoadedScenario))
+    far, near = load_all(several(tmp_path, text), Permissions())
+    assert isinstance(far, LoadedScenario)
+    assert isinstance(near, LoadedScenario)
     assert (far.scenario.name, near.scenario.name) == ("far", "near")
     assert (far.scenario.time_limit, near.scenario.time_limit) == (30.0, 5.0)
     assert near.scenario.robot.pose.x == 1.0
@@ -189,17 +179,12 @@ def test_what_is_wrong_with_one_leaves_the_others(tmp_path: Path) -> None:
         "scenarios:\n  - {name: good}\n  - {name: bad, time_limit: never}\n  - 7\n  - {name: good}\n"
         f"  - {{name: deep, scenarios: []}}\n  - {{}}\n{SHARED}"
     )
-    found = load_all(several(tmp_path, text), Permissions())
-    assert [isinstance(scenario, LoadedScenario) for scenario in found] == [True, *[False] * 5]
-    refused = [scenario for scenario in found if isinstance(scenario, Refused)]
-    assert [(each.name, each.line) for each in refused] == [
-        ("bad", 3),
-        ("many.sim.yml (3)", 4),
-        ("good (2)", 5),
-        ("deep", 6),
-        ("many.sim.yml (6)", 7),
-    ]
-    assert [str(each.problems[0]).partition(":")[2] for each in refused] == [
+    good, *others = load_all(several(tmp_path, text), Permissions())
+    assert isinstance(good, LoadedScenario)
+    refused = [scenario for scenario in others if isinstance(scenario, Refused)]
+    names = ["bad", "many.sim.yml (3)", "good (2)", "deep", "many.sim.yml (6)"]
+    assert [(scenario.name, scenario.line) for scenario in refused] == list(zip(names, range(3, 8), strict=True))
+    assert [str(scenario.problems[0]).partition(":")[2] for scenario in refused] == [
         "3:17: time_limit: expected time such as '1 s', found 'never'",
         "4:5: expected a map of keys, found 7",
         "5:6: name: a second scenario named 'good' in this file",

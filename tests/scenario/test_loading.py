@@ -18,18 +18,15 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.loading import build_scene, load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario
-from tests.scenarios import FULL, LEAST, load, told
+from tests.scenarios import COMMANDS, FULL, LEAST, expecting, load, told
 from tests.worlds import write_map
 
 
 def test_the_least_scenario_is_filled_with_defaults(tmp_path: Path) -> None:
     loaded = load(tmp_path, LEAST)
     scenario = loaded.scenario
-    assert (scenario.name, scenario.robot.model, scenario.time_limit) == (
-        "burger drives straight",
-        "turtlebot3_burger",
-        30.0,
-    )
+    assert (scenario.name, scenario.time_limit) == ("burger drives straight", 30.0)
+    assert scenario.robot.model == "turtlebot3_burger"
     (commands,) = scenario.commands
     assert isinstance(commands, TwistCommands)
     assert commands.rate == 10.0
@@ -39,6 +36,7 @@ def test_the_least_scenario_is_filled_with_defaults(tmp_path: Path) -> None:
     assert expected.location == Location(str(tmp_path / "s.sim.yml"), 9, 5)
     assert (expected.after, expected.before, expected.severity) == (0.0, math.inf, "error")
     assert scenario.physics.rate == 240.0
+    assert load(tmp_path, LEAST.replace(COMMANDS, "")).scenario.commands == ()
 
 
 def test_everything_spelled_out_is_read(tmp_path: Path) -> None:
@@ -86,23 +84,11 @@ def test_a_file_from_another_editor_is_the_same_scenario(end: str, mark: str, tm
     "entry", ["no_collision", "no_collision:", "no_collision: {}", "{no_collision: }", "no_collision: {allow: []}"]
 )
 def test_an_assertion_without_keys_may_be_written_in_any_way(entry: str, tmp_path: Path) -> None:
-    text = LEAST.replace("travel: {at_least: 1.5 m}", entry)
-    assert load(tmp_path, text).scenario.expect[0].assertion == NoCollision()
-
-
-def test_no_commands_are_a_scenario_too(tmp_path: Path) -> None:
-    text = LEAST.replace("commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "")
-    assert load(tmp_path, text).scenario.commands == ()
-
-
-def names(folder: Path, *wanted: str) -> list[str]:
-    entries = "".join(f"  - {{upright: {{}}, name: {name}}}\n" if name else "  - upright\n" for name in wanted)
-    text = LEAST.replace("  - travel: {at_least: 1.5 m}\n", entries)
-    return [expected.name for expected in load(folder, text).scenario.expect]
+    assert load(tmp_path, expecting(entry)).scenario.expect[0].assertion == NoCollision()
 
 
 @pytest.mark.parametrize(
-    ("wanted", "found"),
+    ("stated", "names"),
     [
         (["a", "b"], ["a", "b"]),
         (["a", "a", "a"], ["a", "a (2)", "a (3)"]),
@@ -112,8 +98,9 @@ def names(folder: Path, *wanted: str) -> list[str]:
         (["", ""], ["upright within 20 deg", "upright within 20 deg (2)"]),
     ],
 )
-def test_no_two_expectations_share_a_name(wanted: list[str], found: list[str], tmp_path: Path) -> None:
-    assert names(tmp_path, *wanted) == found
+def test_no_two_expectations_share_a_name(stated: list[str], names: list[str], tmp_path: Path) -> None:
+    entries = [f"{{upright: {{}}, name: {name}}}" if name else "upright" for name in stated]
+    assert [expected.name for expected in load(tmp_path, expecting(*entries)).scenario.expect] == names
 
 
 def test_all_problems_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
@@ -127,16 +114,9 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) 
 
 
 def test_a_part_that_is_refused_does_not_shift_the_places_of_those_after_it(tmp_path: Path) -> None:
-    text = LEAST.replace(
-        "  - travel: {at_least: 1.5 m}\n",
-        "  - travl: {at_least: 1.5 m}\n"
-        "  - upright\n"
-        "  - travel: {at_least: 1 m}\n    before: 50 s\n"
-        "  - no_collision: {allow: [wal]}\n",
-    ).replace(
-        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n",
-        "commands:\n  - twists: []\n  - twist: [{}]\n    rate: 7 kHz\n",
-    )
+    late = "travel: {at_least: 1 m}\n    before: 50 s"
+    text = expecting("travl: {at_least: 1.5 m}", "upright", late, "no_collision: {allow: [wal]}")
+    text = text.replace(COMMANDS, "commands:\n  - twists: []\n  - twist: [{}]\n    rate: 7 kHz\n")
     assert [problem.split(": ")[:2] for problem in told(tmp_path, text)] == [
         ["5:5", "commands.0.twists"],
         ["7:5", "commands.1.rate"],
@@ -147,9 +127,7 @@ def test_a_part_that_is_refused_does_not_shift_the_places_of_those_after_it(tmp_
 
 
 def test_one_source_and_a_list_of_sources_have_their_places(tmp_path: Path) -> None:
-    listed = LEAST.replace(
-        "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", "commands:\n  - {twist: [{}], rate: 7000}\n"
-    )
+    listed = LEAST.replace(COMMANDS, "commands:\n  - {twist: [{}], rate: 7000}\n")
     assert told(tmp_path, LEAST.replace("10 Hz", "7000"))[0].startswith("5:3: commands.rate: 7000 Hz does not divide")
     assert told(tmp_path, listed)[0].startswith("5:19: commands.0.rate: 7000 Hz does not divide")
 
@@ -178,69 +156,50 @@ def test_the_nearest_rates_that_divide_are_named(physics: str, rate: str, near: 
         ("before: 40 s", "10:5: expect.0.before: 40 s is later than time_limit (30 s)"),
         ("after: 30 s", "10:5: expect.0.after: 30 s is not earlier than time_limit (30 s)"),
         ("before: 1 ms", "10:5: expect.0.before: too early: the first physics step in the window is at 0.004167 s"),
-        ("{after: 4, before: 3}", "10:13: expect.0.before: must be later than 'after' (4 s)"),
-        (
-            "{after: 1.001, before: 1.002}",
-            "10:19: expect.0.before: too early: the first physics step in the window is at",
-        ),
+        ("after: 4\n    before: 3", "11:5: expect.0.before: must be later than 'after' (4 s)"),
+        ("after: 1.001\n    before: 1.002", "11:5: expect.0.before: too early: the first physics step in the window"),
     ],
 )
 def test_windows_that_no_step_can_fall_into_are_refused(options: str, problem: str, tmp_path: Path) -> None:
-    entry = f"travel: {{at_least: 1.5 m}}\n    {options}"
-    if options.startswith("{"):
-        entry = f"travel: {{at_least: 1.5 m}}\n    {options[1:-1].replace(', ', chr(10) + '    ')}"
-        problem = problem.replace("10:13", "11:5").replace("10:19", "11:5")
-    (found,) = told(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", entry))
-    assert found.startswith(problem)
+    (line,) = told(tmp_path, expecting(f"travel: {{at_least: 1.5 m}}\n    {options}"))
+    assert line.startswith(problem)
 
 
 @pytest.mark.parametrize(
-    ("assertion", "options", "problem"),
+    ("entry", "time"),
     [
-        ("stl: always[20 s, 31 s] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s; raise time_limit"),
-        ("stl: always[31 s, end] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s"),
-        ("stl: eventually always[0 s, 31 s] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s"),
-        (
-            "stl: always[0 s, 2 s] (eventually[0 s, 1 s] (speed < 1))",
-            "after: 28 s",
-            "stl: must see 3 s from 'after' (28 s) on, and time_limit is 30 s",
-        ),
-        ("stl: always[0 s, 2 s] (speed < 1)", "before: 1.5 s", "stl: must see 2 s, and before is 1.5 s; raise before"),
-        ("settled: {for: 31 s}", "", "settled: must see 31 s, and time_limit is 30 s"),
-        ("settled:", "after: 29.5 s", "settled: must see 1 s from 'after' (29.5 s) on, and time_limit is 30 s"),
-        (
-            "stops_before: {body: wall, gap: [1 m, 2 m], for: 31 s}",
-            "",
-            "stops_before: must see 31 s, and time_limit is 30 s",
-        ),
-        ("contact: {with: wall, at_least: 1 N, for: 31 s}", "", "contact: must see 31 s, and time_limit is 30 s"),
-        ("travel: {at_least: 1 m}", "for: 31 s", "for: must see 31 s, and time_limit is 30 s"),
-        ("any_of: [{travel: {at_least: 1 m}}, {not: {settled: {for: 31 s}}}]", "", "any_of: must see 31 s"),
+        ("stl: always[20 s, 31 s] (speed < 1)", "31 s, and time_limit is 30 s; raise time_limit"),
+        ("stl: always[31 s, end] (speed < 1)", "31 s, and time_limit is 30 s"),
+        ("stl: eventually always[0 s, 31 s] (speed < 1)", "31 s, and time_limit is 30 s"),
+        ("stl: always[0 s, 2 s] (eventually[0 s, 1 s] (speed < 1))\n    after: 28 s", "3 s from 'after' (28 s) on"),
+        ("stl: always[0 s, 2 s] (speed < 1)\n    before: 1.5 s", "2 s, and before is 1.5 s; raise before"),
+        ("settled: {for: 31 s}", "31 s, and time_limit is 30 s"),
+        ("settled:\n    after: 29.5 s", "1 s from 'after' (29.5 s) on, and time_limit is 30 s"),
+        ("stops_before: {body: wall, gap: [1 m, 2 m], for: 31 s}", "31 s, and time_limit is 30 s"),
+        ("contact: {with: wall, at_least: 1 N, for: 31 s}", "31 s, and time_limit is 30 s"),
+        ("travel: {at_least: 1 m}\n    for: 31 s", "31 s, and time_limit is 30 s"),
+        ("any_of: [{travel: {at_least: 1 m}}, {not: {settled: {for: 31 s}}}]", "31 s"),
     ],
 )
-def test_a_time_beyond_the_end_of_the_run_is_refused(
-    assertion: str, options: str, problem: str, tmp_path: Path
-) -> None:
+def test_a_time_beyond_the_end_of_the_run_is_refused(entry: str, time: str, tmp_path: Path) -> None:
     wall = "world: {objects: [{name: wall, box: [1, 1, 1], pose: {x: 9}}]}\n"
-    text = LEAST.replace("travel: {at_least: 1.5 m}", f"{assertion}\n    {options}".rstrip()) + wall
-    (found,) = told(tmp_path, text)
-    assert f": expect.0.{problem}" in found
+    key = "for" if "\n    for:" in entry else entry.partition(":")[0]
+    (line,) = told(tmp_path, expecting(entry) + wall)
+    assert f": expect.0.{key}: must see {time}" in line
 
 
 @pytest.mark.parametrize(
-    ("assertion", "options"),
+    "entry",
     [
-        ("stl: always[20 s, 30 s] (speed < 1)", ""),
-        ("stl: always[30 s, end] (speed < 1)", ""),
-        ("stl: eventually (always[0 s, 2 s] (speed < 1))", "after: 28 s"),
-        ("settled: {for: 30 s}", ""),
-        ("settled:", "{after: 1.1 s, before: 2.1 s}"),
+        "stl: always[20 s, 30 s] (speed < 1)",
+        "stl: always[30 s, end] (speed < 1)",
+        "stl: eventually (always[0 s, 2 s] (speed < 1))\n    after: 28 s",
+        "settled: {for: 30 s}",
+        "settled:\n    after: 1.1 s\n    before: 2.1 s",
     ],
 )
-def test_a_time_that_ends_with_the_run_is_not_refused(assertion: str, options: str, tmp_path: Path) -> None:
-    keys = options.strip("{}").replace(", ", "\n    ")
-    text = LEAST.replace("travel: {at_least: 1.5 m}", f"{assertion}\n    {keys}".rstrip())
-    (expected,) = load(tmp_path, text).scenario.expect
+def test_a_time_that_ends_with_the_run_is_not_refused(entry: str, tmp_path: Path) -> None:
+    (expected,) = load(tmp_path, expecting(entry)).scenario.expect
     assert expected.assertion.horizon > 0
 
 
@@ -263,9 +222,7 @@ def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Pa
         "drive: {diff: {left: [...], right: [...]}}; its moving joints: elbow; "
         "the most likely reason: diff: the model has no collision shapes, so nothing stands on the ground"
     )
-
-
-def test_a_twist_for_an_arm_that_is_fixed_leads_to_its_joints(tmp_path: Path) -> None:
+    # For an arm that is fixed, they lead to its joints.
     problem, *_ = told(tmp_path, LEAST.replace("turtlebot3_burger", "ur5e_gripper"))
     assert problem == (
         "2:1: robot: 'ur5e_gripper' is fixed to the world and has no wheels, so no twist can drive it; command its "
@@ -281,41 +238,37 @@ def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
     assert str(refused.value) == f"{tmp_path}/bad.urdf:2: <link> has no attribute 'name' [missing-part]"
 
 
+BOX = "{name: a, box: [1, 1, 1]}"
+
+
 @pytest.mark.parametrize(
     ("world", "problem"),
     [
         (
-            "{patches: [{size: [1, 1], friction: 0}, {x: 0.9, size: [1, 1], friction: 0}]}",
+            "patches: [{size: [1, 1], friction: 0}, {x: 0.9, size: [1, 1], friction: 0}]",
             "11:48: world.patches.1: lies on world.patches[0]",
         ),
+        ("objects: [{name: a, map: {file: none.yaml}}]", "11:35: world.objects.0.map.file: 'none.yaml' does not exist"),
         (
-            "{objects: [{name: a, map: {file: none.yaml}}]}",
-            "11:35: world.objects.0.map.file: 'none.yaml' does not exist",
-        ),
-        (
-            "{objects: [{name: a, heightfield: {image: /etc/passwd, height: 1, size: [1, 1]}}]}",
+            "objects: [{name: a, heightfield: {image: /etc/passwd, height: 1, size: [1, 1]}}]",
             "11:43: world.objects.0.heightfield.image: '/etc/passwd' is outside the workspace",
         ),
-        (
-            "{objects: [{name: a, sphere: {radius: 1}}, {name: a, sphere: {radius: 1}}]}",
-            "world.objects.1.name: a second body named 'a'",
-        ),
-        ("{objects: [{name: ground, sphere: {radius: 1}}]}", "world.objects.0.name: a second body named 'ground'"),
-        ("{objects: [{name: a}]}", "world.objects.0: an object needs exactly one shape of 'box', 'cylinder', 'sphere'"),
-        ("{gravity: -9.81}", "11:9: world.gravity: a single number points downwards"),
+        (f"objects: [{BOX}, {BOX}]", "world.objects.1.name: a second body named 'a'"),
+        ("objects: [{name: ground, sphere: {radius: 1}}]", "world.objects.0.name: a second body named 'ground'"),
+        ("objects: [{name: a}]", "world.objects.0: an object needs exactly one shape of 'box', 'cylinder', 'sphere'"),
+        ("gravity: -9.81", "11:9: world.gravity: a single number points downwards"),
     ],
 )
 def test_what_is_wrong_with_a_world_is_told_on_its_line(world: str, problem: str, tmp_path: Path) -> None:
-    (found,) = told(tmp_path, LEAST + f"world: {world}\n")
-    assert problem in found
+    (line,) = told(tmp_path, f"{LEAST}world: {{{world}}}\n")
+    assert problem in line
 
 
 def test_patches_that_touch_do_not_lie_on_each_other_and_files_are_read_once(tmp_path: Path) -> None:
     file = write_map(tmp_path, [[0, 254], [0, 254]], resolution=1)
     patches = "[{size: [1, 1], friction: 0}, {x: 1, size: [1, 1], friction: 0}]"
-    path = tmp_path / "s.sim.yml"
-    path.write_text(LEAST + f"world: {{patches: {patches}, objects: [{{name: a, map: {{file: {file}}}}}]}}\n")
-    loaded = load_scenario(path)
+    world = f"world: {{patches: {patches}, objects: [{{name: a, map: {{file: {file}}}}}]}}\n"
+    loaded = load(tmp_path, LEAST + world)
     (tmp_path / file).unlink()
     assert len(build_scene(loaded).parts["a"]) == 1
 

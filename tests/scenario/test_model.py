@@ -79,10 +79,6 @@ def test_the_wall_limit_is_ten_times_the_time_limit_but_a_minute_at_least(limit:
     assert changed(time_limit=limit, wall_limit=5.0).wall_seconds == 5.0
 
 
-def test_memory_and_output_have_limits_unless_told_otherwise() -> None:
-    assert (SIMPLE.memory_bytes, SIMPLE.output_bytes) == (4 << 30, 100_000_000)
-
-
 @pytest.mark.parametrize(
     ("key", "written", "size"),
     [
@@ -94,6 +90,7 @@ def test_memory_and_output_have_limits_unless_told_otherwise() -> None:
     ],
 )
 def test_limits_are_amounts_of_data(key: str, written: object, size: int) -> None:
+    assert (SIMPLE.memory_bytes, SIMPLE.output_bytes) == (4 << 30, 100_000_000)
     read = Scenario.model_validate({**dict(SIMPLE), key: written})
     assert {"memory_limit": read.memory_bytes, "output_limit": read.output_bytes}[key] == size
 
@@ -116,27 +113,21 @@ def test_limits_that_nothing_could_run_in_are_refused(key: str, written: object)
 def test_the_trace_is_kept_at_the_fastest_rate_of_a_command() -> None:
     assert SIMPLE.trace_rate == 10.0
     assert changed(commands=(DRIVES, ScriptCommands(script="a.py", rate=5.0))).trace_rate == 20.0
-
-
-def test_a_script_is_code_of_the_users() -> None:
+    # A script is code of the users.
     assert not changed(commands=(DRIVES,)).runs_user_code
     assert changed(commands=(DRIVES, ScriptCommands(script="a.py"))).runs_user_code
 
 
-def test_an_empty_expect_is_no_scenario() -> None:
+def test_what_is_no_scenario() -> None:
     with pytest.raises(InvalidPart, match="must not be empty"):
         scenario()
-
-
-@pytest.mark.parametrize("limit", [0.0, -1.0, 86_401.0])
-def test_a_time_limit_is_within_a_day(limit: float) -> None:
-    with pytest.raises(InvalidPart):
-        scenario(expectation(Travel(at_least=1.0)), time_limit=limit)
+    for limit in (0.0, -1.0, 86_401.0):  # seconds: above 0, and at most a day
+        with pytest.raises(InvalidPart):
+            scenario(expectation(Travel(at_least=1.0)), time_limit=limit)
 
 
 def test_a_loaded_scenario_goes_to_its_child_as_a_pickle() -> None:
-    loaded = LoadedScenario(
-        changed(commands=(DRIVES,)), Source(Path("s.sim.yml"), HERE, Document("s.sim.yml", {}), "s")
-    )
+    source = Source(Path("s.sim.yml"), HERE, Document("s.sim.yml", {}), "s")
+    loaded = LoadedScenario(changed(commands=(DRIVES,)), source)
     assert loaded.file == "s.sim.yml"
     assert pickle.loads(pickle.dumps(loaded)) == loaded

@@ -18,24 +18,14 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.core.yaml_document import Document
 from sim_action.robot.built_in import STANDARD_SENSORS
-from sim_action.scenario.files import read_file
-from sim_action.scenario.loading import load_all, load_scenario
+from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.part_reader import with_roles
-from sim_action.scenario.source import Refused
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.trace_records import Channels
-from tests.scenarios import LEAST, load, told
+from tests.scenarios import COMMANDS, LEAST, expecting, load, load_refused, load_runs, told
 
 JUDGE = "class Mine:\n    def __init__(self, **settings): ...\n    def judge(self, trace): ...\n"
-
-
-def expecting(*entries: str) -> str:
-    """A scenario; its first expectation begins in line 9."""
-    expected = "".join(f"  - {entry}\n" for entry in entries)
-    text = LEAST.replace("  - travel: {at_least: 1.5 m}\n", expected)
-    assert text != LEAST
-    return text
 
 
 def read(folder: Path, *entries: str) -> Scenario:
@@ -68,9 +58,8 @@ def test_how_they_are_written(entry: str, spec: Assertion, tmp_path: Path) -> No
 
 
 def test_options_stand_beside_the_outermost(tmp_path: Path) -> None:
-    expected, _ = read(
-        tmp_path, "not: {reach: {x: 1, y: 2}}\n    name: away\n    after: 1 s\n    severity: warning", "upright"
-    ).expect
+    entry = "not: {reach: {x: 1, y: 2}}\n    name: away\n    after: 1 s\n    severity: warning"
+    expected, _ = read(tmp_path, entry, "upright").expect
     assert (expected.name, expected.after, expected.severity) == ("away", 1.0, "warning")
 
 
@@ -116,16 +105,11 @@ def test_a_class_of_the_users_is_a_script_wherever_it_stands(entry: str, tmp_pat
     scenario = read(tmp_path, entry)
     assert scenario.runs_user_code
     assert not read(tmp_path, "not: no_collision").runs_user_code
+    (tmp_path / "s.sim.yml").write_text(expecting(entry))
     with pytest.raises(InvalidScenario) as raised:
-        read_with(tmp_path, entry, Permissions(scripts_refused="no scripts here"))
+        load_scenario(tmp_path / "s.sim.yml", Permissions(scripts_refused="no scripts here"))
     (problem,) = raised.value.problems
     assert problem.message.endswith(".assertion: no scripts here")
-
-
-def read_with(folder: Path, entry: str, permissions: Permissions) -> Scenario:
-    path = folder / "s.sim.yml"
-    path.write_text(expecting(entry))
-    return load_scenario(path, permissions).scenario
 
 
 def test_a_file_that_is_not_there_is_told_where_it_is_named(tmp_path: Path) -> None:
@@ -146,12 +130,11 @@ def test_assertions_as_deep_as_yaml_goes_are_read(tmp_path: Path) -> None:
 
 
 def test_of_very_many_sources_the_files_are_not_read(tmp_path: Path) -> None:
-    entry, commands = "  - replay: absent.csv\n", "  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
-    assert commands in LEAST
-    found = told(tmp_path, LEAST.replace(commands, entry * 51))
-    assert sum("'absent.csv' does not exist" in line for line in found) == 1
-    assert any("commands: 51 sources; at most 50 are read" in line for line in found)
-    assert len(told(tmp_path, LEAST.replace(commands, entry * 50))) == 50
+    entry = "\n  - replay: absent.csv"
+    lines = told(tmp_path, commanding(entry * 51))
+    assert sum("'absent.csv' does not exist" in line for line in lines) == 1
+    assert any("commands: 51 sources; at most 50 are read" in line for line in lines)
+    assert len(told(tmp_path, commanding(entry * 50))) == 50
 
 
 @pytest.mark.parametrize(
@@ -191,8 +174,7 @@ FOLLOW = "class Follower:\n    def __init__(self, kp, ki=0): ...\n    def step(s
 
 def commanding(commands: str) -> str:
     """A scenario whose commands begin in line 4."""
-    begin, end = LEAST.index("commands:"), LEAST.index("expect:")
-    return f"{LEAST[:begin]}commands:{commands}\n{LEAST[end:]}"
+    return LEAST.replace(COMMANDS, f"commands:{commands}\n")
 
 
 @pytest.fixture
@@ -245,10 +227,7 @@ def test_a_program_has_its_words_below_command(folder: Path) -> None:
             "7:10: commands.with.kb: follow.py:2: class 'Follower' has no parameter 'kb' (allowed: ki, kp)",
         ),
         ("\n  script: {file: absent.py}", "5:12: commands.script.file: 'absent.py' does not exist"),
-        (
-            "\n  script: {fil: follow.py}",
-            "5:12: commands.script.fil: unknown key; did you mean 'file'? (allowed: class",
-        ),
+        ("\n  script: {fil: follow.py}", "5:12: commands.script.fil: unknown key; did you mean 'file'? (allowed: cla"),
         ("\n  script: {}", "5:3: commands.script: the key 'file' is missing"),
         ("\n  script: {class: Follower}", "5:3: commands.script: the key 'file' is missing"),
         (
@@ -261,23 +240,14 @@ def test_a_program_has_its_words_below_command(folder: Path) -> None:
         ("\n  script: {script: follow.py, file: follow.py}", "5:12: commands.script.script: unknown key"),
         ("\n  script: {file: follow.py, twist: []}", "5:29: commands.script.twist: unknown key"),
         ("\n  process: {command: [], with: {a: 1}}", "5:13: commands.process.command: must not be empty"),
-        (
-            "\n  process: {command: [python3], with: {-a: 1}}",
-            "5:33: commands.process.with: '-a' cannot be the name of an argu",
-        ),
+        ("\n  process: {command: [python3], with: {-a: 1}}", "5:33: commands.process.with: '-a' cannot be the name"),
         ('\n  process: {command: [python3], with: {a: "\\0"}}', "5:33: commands.process.with: an argument cannot"),
     ],
 )
 def test_problems_have_the_place_where_they_are_written(commands: str, problem: str, folder: Path) -> None:
-    found = told(folder, commanding(commands))
-    assert found[0].startswith(problem), found
-    assert all("the key" not in each for each in found[1:])
-
-
-def variations(folder: Path, commands: str, varied: str) -> list[LoadedScenario | Refused]:
-    file = folder / "s.sim.yml"
-    file.write_text(commanding(commands) + f"variations:\n  {varied}\n")
-    return load_all(read_file(file, Permissions()), Permissions())
+    first, *others = told(folder, commanding(commands))
+    assert first.startswith(problem)
+    assert all("the key" not in line for line in others)
 
 
 @pytest.mark.parametrize(
@@ -291,24 +261,19 @@ def variations(folder: Path, commands: str, varied: str) -> list[LoadedScenario 
     ],
 )
 def test_variations_lead_into_them(commands: str, key: str, folder: Path) -> None:
-    listed = variations(folder, commands, f"{key}: [0.5, 2]")
-    assert [each.scenario.name for each in listed if isinstance(each, LoadedScenario)] == [
-        "burger drives straight[kp=0.5]",
-        "burger drives straight[kp=2]",
-    ]
-    sampled = variations(folder, commands, f"{key}: {{uniform: [0, 1], samples: 3}}")
-    sources = [each.scenario.commands[0] for each in sampled if isinstance(each, LoadedScenario)]
+    listed = load_runs(folder, f"{commanding(commands)}variations: {{{key}: [0.5, 2]}}\n")
+    names = [run.scenario.name for run in listed if isinstance(run, LoadedScenario)]
+    assert names == [f"burger drives straight[kp={kp}]" for kp in ("0.5", "2")]
+    sampled = load_runs(folder, f"{commanding(commands)}variations: {{{key}: {{uniform: [0, 1], samples: 3}}}}\n")
+    sources = [run.scenario.commands[0] for run in sampled if isinstance(run, LoadedScenario)]
     gains = [source.settings["kp"] for source in sources if isinstance(source, ScriptCommands)]
     assert len(set(gains)) == 3
     assert all(0 <= gain <= 1 for gain in gains)
 
 
 def test_a_misspelt_parameter_of_a_variation_is_told_on_its_line(folder: Path) -> None:
-    (found,) = variations(
-        folder, " {script: {file: follow.py, class: Follower, with: {kp: 1}}}", "commands.script.with.kl: [1, 2]"
-    )
-    assert isinstance(found, Refused)
-    (problem,) = found.problems
+    text = commanding(" {script: {file: follow.py, class: Follower, with: {kp: 1}}}")
+    (problem,) = load_refused(folder, f"{text}variations:\n  commands.script.with.kl: [1, 2]\n").problems
     assert problem.location.line == 9
     assert "has no parameter 'kl' (allowed: ki, kp)" in problem.message
 
@@ -339,41 +304,27 @@ def test_a_map_is_a_script_for_the_gate(folder: Path) -> None:
 @pytest.mark.parametrize("model", STANDARD_SENSORS)
 @pytest.mark.parametrize("more", ["", "sensors: [{lidar: {rays: 3}, name: own}]\n"])
 def test_standard_sensors_follow_those_of_the_scenario(model: str, more: str, tmp_path: Path) -> None:
-    text = f"{more}{LEAST}".replace("turtlebot3_burger", model).replace(
-        f"model: {model}", f"model: {model}\n  sensors: standard"
-    )
-    found = load(tmp_path, text).scenario.sensors
+    text = f"{more}{LEAST}".replace("model: turtlebot3_burger", f"model: {model}\n  sensors: standard")
+    sensors = load(tmp_path, text).scenario.sensors
     names = [str(entry["name"]) for entry in STANDARD_SENSORS[model]]
-    assert [sensor.name for sensor in found] == [*(["own"] if more else []), *names]
-    laser = next(sensor for sensor in found if sensor.name == "scan")
+    assert [sensor.name for sensor in sensors] == [*(["own"] if more else []), *names]
+    laser = next(sensor for sensor in sensors if sensor.name == "scan")
     assert isinstance(laser.sensor, Lidar)
-    assert (laser.sensor.rays, laser.sensor.angle_min, laser.sensor.min_range, laser.sensor.range) == (
-        360,
-        0,
-        0.12,
-        3.5,
-    )
+    assert (laser.sensor.rays, laser.sensor.angle_min) == (360, 0)
+    assert (laser.sensor.min_range, laser.sensor.range) == (0.12, 3.5)
     assert (laser.link, laser.rate) == ("base_scan", 5)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("model", "sensors", "message"),
     [
-        (
-            "model: turtlebot3_burger",
-            "model: husky_a200\n  sensors: standard",
-            "standard ones are known of turtlebot3_burger",
-        ),
-        (
-            "model: turtlebot3_burger",
-            "model: turtlebot3_burger\n  sensors: standard\nsensors: [{lidar: {}, name: scan}]",
-            "a second sensor named 'scan'",
-        ),
+        ("husky_a200", "", "standard ones are known of turtlebot3_burger"),
+        ("turtlebot3_burger", "sensors: [{lidar: {}, name: scan}]\n", "a second sensor named 'scan'"),
     ],
 )
-def test_standard_sensors_that_do_not_fit_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+def test_standard_sensors_that_do_not_fit_are_refused(model: str, sensors: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidScenario, match=message):
-        load(tmp_path, LEAST.replace(old, new))
+        load(tmp_path, LEAST.replace("turtlebot3_burger\n", f"{model}\n  sensors: standard\n") + sensors)
 
 
 def test_ego_exchanges_robots_with_their_standard_sensors() -> None:

@@ -41,9 +41,7 @@ def found(scenario: str, name: str = "sim/a.sim.yml", *, allow_outside: bool = F
 
 
 def test_a_scenario_without_files_is_its_own_file() -> None:
-    assert found("robot: {model: turtlebot3_burger}\ncommands: {twist: [{linear: 1.0, for: 2.5 s}]}") == [
-        "sim/a.sim.yml"
-    ]
+    assert found("robot: {model: turtlebot3_burger}\ncommands: {twist: [{linear: 1.0, for: 2 s}]}") == ["sim/a.sim.yml"]
 
 
 def test_names_are_seen_from_the_file_that_they_stand_in() -> None:
@@ -56,6 +54,11 @@ def test_names_are_seen_from_the_file_that_they_stand_in() -> None:
     assert watched == [
         *("c.base.yml", "sim/a.sim.yml", "sim/bases/b.base.yml", "sim/bases/log.csv", "sim/rock.mtl", "sim/rock.obj")
     ]
+    # Files of a loaded scenario are those that are watched.
+    write("sim/robots/r.urdf", URDF.format("m.stl"))
+    write("sim/robots/m.stl")
+    text = "name: a\nextends: bases/b.base.yml\nrobot: {model: robots/r.urdf}"
+    assert named(text) == [found(text)]
 
 
 @pytest.mark.parametrize(
@@ -160,15 +163,11 @@ def test_a_gazebo_model_is_watched_by_its_folder() -> None:
     write("models/cart/meshes/cart.obj")
     watched = found("robot: {model: ../models/cart}")
     assert {"models/cart/meshes/cart.obj", "models/cart/model.config", "models/cart/model.sdf"} <= set(watched)
-
-
-def test_a_file_that_is_missing_is_waited_for() -> None:
+    # A file that is missing is waited for.
     assert "sim/later.urdf" in found("robot: {model: later.urdf}")
 
 
-@pytest.mark.parametrize(
-    "text", ["name: [", "", "- 1", "a: 'x/\\0'", "extends: a.sim.yml", "robot: {packages: {a: 1}}"]
-)
+@pytest.mark.parametrize("text", ["a: [", "", "- 1", "a: 'x/\\0'", "extends: a.sim.yml", "robot: {packages: {a: 1}}"])
 def test_what_is_no_scenario_yet_is_watched_by_itself(text: str) -> None:
     assert found(text) == ["sim/a.sim.yml"]
 
@@ -256,18 +255,6 @@ def named(text: str) -> list[list[str]]:
     sources = read_file(write("sim/a.sim.yml", text), Permissions())
     paths = [files.of(source) for source in sources if isinstance(source, Source)]
     return [sorted(Path(os.path.relpath(path)).as_posix() for path in of_run) for of_run in paths]
-
-
-def test_files_of_a_loaded_scenario_are_those_that_are_watched() -> None:
-    write("sim/bases/b.base.yml", "extends: ../../c.base.yml\ncommands: {replay: log.csv}")
-    write("sim/bases/log.csv")
-    write("c.base.yml", "world: {objects: [{name: a, mesh: {file: sim/rock.obj}}]}")
-    write("sim/rock.obj", "mtllib rock.mtl\nv 0 0 0\n")
-    write("sim/rock.mtl")
-    write("sim/robots/r.urdf", URDF.format("m.stl"))
-    write("sim/robots/m.stl")
-    text = "name: a\nextends: bases/b.base.yml\nrobot: {model: robots/r.urdf}"
-    assert named(text) == [found(text)]
 
 
 def test_each_variation_names_files_of_its_own() -> None:

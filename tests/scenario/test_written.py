@@ -70,11 +70,16 @@ def test_assertions_of_assertions_are_written_as_a_list_or_alone() -> None:
     ]
 
 
-def test_numbers_of_numpy_and_paths_are_written_as_yaml_has_them() -> None:
+def test_numbers_and_arrays_of_numpy_and_paths_are_written_as_yaml_has_them() -> None:
     changes = {"time_limit": np.float32(2), "seed": np.int64(7), "trace.rate": np.float64(5)}
     keys = Scenario(**BURGER).changed({**changes, "robot.model": Path("a/b")}).keys
     assert (keys["time_limit"], keys["seed"], keys["trace"], keys["robot"]) == (2.0, 7, {"rate": 5.0}, {"model": "a/b"})
     assert type(keys["seed"]) is int
+    arrays = Scenario(**BURGER, tags=np.array(["a", "b"]), world={"a": np.eye(2), "b": np.bool_(True)}).keys
+    assert (arrays["tags"], arrays["world"]) == (["a", "b"], {"a": [[1.0, 0.0], [0.0, 1.0]], "b": True})
+    # Posix paths are the same on every system.
+    posix = {**BURGER, "robot": {"model": PurePosixPath("models/arm.urdf")}}
+    assert Scenario(**posix).keys["robot"] == {"model": "models/arm.urdf"}
 
 
 @pytest.mark.parametrize("value", [object(), b"bytes", {1, 2}, {3: "a"}, [1, {"a": print}]])
@@ -82,11 +87,6 @@ def test_what_yaml_does_not_have_is_refused_with_its_key(value: object) -> None:
     with pytest.raises(InvalidScenario, match=r"burger drives \(Python\): world\.objects") as error:
         Scenario(**BURGER, world={"objects": value})
     assert len(error.value.problems) == 1
-
-
-def test_arrays_of_numpy_are_lists() -> None:
-    keys = Scenario(**BURGER, tags=np.array(["a", "b"]), world={"a": np.eye(2), "b": np.bool_(True)}).keys
-    assert (keys["tags"], keys["world"]) == (["a", "b"], {"a": [[1.0, 0.0], [0.0, 1.0]], "b": True})
 
 
 def test_a_list_in_itself_is_refused() -> None:
@@ -127,20 +127,16 @@ def test_a_path_that_leads_nowhere_is_refused() -> None:
         Scenario(**BURGER).changed({"expect.1.travel": 3})
 
 
-@pytest.mark.parametrize(
-    ("changes", "found"), [(None, "nothing"), (["seed"], "a list of 1"), ({3: 4}, "a map of keys")]
-)
-def test_changes_that_are_no_map_of_key_paths_are_refused(changes: Any, found: str) -> None:
-    with pytest.raises(UsageError, match=f"changes: expected a map of key paths to values, found {found}"):
+@pytest.mark.parametrize(("changes", "kind"), [(None, "nothing"), (["seed"], "a list of 1"), ({3: 4}, "a map of keys")])
+def test_changes_that_are_no_map_of_key_paths_are_refused(changes: Any, kind: str) -> None:
+    with pytest.raises(UsageError, match=f"changes: expected a map of key paths to values, found {kind}"):
         Scenario(**BURGER).changed(changes)
 
 
 def test_variations_have_their_names() -> None:
     scenario = Scenario(**BURGER, variations={"robot.pose.yaw": [0.1, 0.2]})
-    assert [each.name for each in scenario.sources(Permissions())] == [
-        "burger drives[yaw=0.1]",
-        "burger drives[yaw=0.2]",
-    ]
+    names = [source.name for source in scenario.sources(Permissions())]
+    assert names == ["burger drives[yaw=0.1]", "burger drives[yaw=0.2]"]
 
 
 def test_it_says_what_it_is_and_can_be_pickled(tmp_path: Path) -> None:
@@ -184,8 +180,3 @@ def _lists(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _lists(each) for key, each in value.items()}
     return [_lists(each) for each in value] if isinstance(value, tuple | list) else value
-
-
-def test_posix_paths_are_the_same_on_every_system() -> None:
-    keys = {**BURGER, "robot": {"model": PurePosixPath("models/arm.urdf")}}
-    assert Scenario(**keys).keys["robot"] == {"model": "models/arm.urdf"}

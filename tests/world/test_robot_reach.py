@@ -22,7 +22,7 @@ from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World
 from sim_action.world.robot_reach import range_of
 from sim_action.world.scene import Scene
-from tests.scenario.test_claims import INERTIAL
+from tests.scenario.test_checks import INERTIAL
 from tests.scenarios import load
 from tests.soak import examples
 from tests.traces import HERE

@@ -13,89 +13,51 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import read_document
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.source import MAX_RUNS, Refused, Source
-from sim_action.scenario.variations.expansion import expanded
-from tests.scenarios import LEAST
+from sim_action.scenario.source import Refused
+from tests.scenarios import LEAST, load_refused, load_runs, refused_runs, runs
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2, 0.5], pose: {x: 3}}]}\n"
 
 
-def varied(text: str, seed: int | None = None, most: int = MAX_RUNS) -> tuple[Source, ...]:
-    document = read_document("s.sim.yml", LEAST + text)
-    here = Path.cwd()
-    return expanded(Source(Path("s.sim.yml"), Workspace(here, here), document, "push"), seed, most)
-
-
 def names(text: str, seed: int | None = None) -> list[str]:
-    return [source.name.removeprefix("push") for source in varied(text, seed)]
-
-
-def problems(text: str) -> list[str]:
-    with pytest.raises(InvalidScenario) as refused:
-        varied(text)
-    return [str(problem).removeprefix("s.sim.yml:") for problem in refused.value.problems]
-
-
-def loaded(folder: Path, text: str) -> list[LoadedScenario | Refused]:
-    (folder / "s.sim.yml").write_text(LEAST + text)
-    return load_all(read_file(folder / "s.sim.yml", Permissions()), Permissions())
+    return [source.name.removeprefix("push") for source in runs(text, seed=seed)]
 
 
 def test_lists_are_multiplied_in_the_order_of_the_file() -> None:
     text = "variations:\n  world.ground.friction: [0.4, 0.8]\n  robot.pose.x: [1 m, -20 cm, 0]\n"
-    assert names(text) == [
-        "[friction=0.4,x=1m]",
-        "[friction=0.4,x=-20cm]",
-        "[friction=0.4,x=0]",
-        "[friction=0.8,x=1m]",
-        "[friction=0.8,x=-20cm]",
-        "[friction=0.8,x=0]",
-    ]
+    assert names(text) == [f"[friction={value},x={x}]" for value in (0.4, 0.8) for x in ("1m", "-20cm", "0")]
 
 
 def test_each_is_a_scenario_with_its_values(tmp_path: Path) -> None:
-    found = loaded(
-        tmp_path, "variations:\n  world.ground.friction: [0.4, 0.8]\n  robot.pose: [{x: 1}, {yaw: 90 deg}]\n"
-    )
-    runs = [run for run in found if isinstance(run, LoadedScenario)]
-    assert [run.scenario.name for run in runs] == [
-        f"burger drives straight[friction={friction},pose=#{pose}]" for friction in (0.4, 0.8) for pose in (1, 2)
+    text = "variations:\n  world.ground.friction: [0.4, 0.8]\n  robot.pose: [{x: 1}, {yaw: 90 deg}]\n"
+    loaded = [run for run in load_runs(tmp_path, LEAST + text) if isinstance(run, LoadedScenario)]
+    first, *_, last = loaded
+    assert [run.scenario.name.removeprefix("burger drives straight") for run in loaded] == [
+        f"[friction={friction},pose=#{pose}]" for friction in (0.4, 0.8) for pose in (1, 2)
     ]
-    assert [run.scenario.world.ground.friction for run in runs] == [0.4, 0.4, 0.8, 0.8]
-    assert [run.scenario.robot.pose.x for run in runs] == [1.0, 0.0, 1.0, 0.0]
-    assert runs[0].model is runs[3].model is not None
-    assert runs[3].source.group == "burger drives straight"
-    assert [(each.key, each.value) for each in runs[3].source.variation] == [
-        ("world.ground.friction", 0.8),
-        ("robot.pose", {"yaw": "90 deg"}),
-    ]
-    assert runs[0].scenario.variations is None
+    assert [run.scenario.world.ground.friction for run in loaded] == [0.4, 0.4, 0.8, 0.8]
+    assert [run.scenario.robot.pose.x for run in loaded] == [1.0, 0.0, 1.0, 0.0]
+    assert first.model is last.model is not None
+    assert last.source.group == "burger drives straight"
+    values = [(value.key, value.value) for value in last.source.variation]
+    assert values == [("world.ground.friction", 0.8), ("robot.pose", {"yaw": "90 deg"})]
+    assert first.scenario.variations is None
 
 
 def test_delays_and_losses_can_be_varied(tmp_path: Path) -> None:
     text = "sensors: [{contact: {}, name: bumper}]\nvariations: {KEY: [0, 0.2]}\n"
     sent = []
     for key in ("commands.latency", "commands.dropouts", "sensors.bumper.jitter"):
-        for each in loaded(tmp_path, text.replace("KEY", key)):
+        for each in load_runs(tmp_path, LEAST + text.replace("KEY", key)):
             assert isinstance(each, LoadedScenario)
             source, mounted = each.scenario.commands[0], each.scenario.sensors[0]
             sent += [(source.latency, source.dropouts, mounted.transmission.jitter)]
     assert sent == [(0, 0, 0), (0.2, 0, 0), (0, 0, 0), (0, 0.2, 0), (0, 0, 0), (0, 0, 0.2)]
-
-
-def test_a_variation_goes_to_its_process_as_a_pickle() -> None:
-    (run, _) = varied("variations:\n  world.ground.friction: [0.4, 0.8]\n")
-    again = pickle.loads(pickle.dumps(run))
-    assert again == run
-    assert again.document.location(("world", "ground", "friction")).line == 12
 
 
 def test_samples_are_drawn_jointly_and_multiplied_with_lists() -> None:
@@ -103,32 +65,31 @@ def test_samples_are_drawn_jointly_and_multiplied_with_lists() -> None:
         "variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n  world.ground.friction: [0.4, 0.8]\n"
         "  robot.pose.x: {normal: [0 cm, 5 cm], samples: 3}\n"
     )
-    runs = varied(text)
-    assert len(runs) == 6
-    rows = [tuple(each.value for each in run.variation) for run in runs]
+    drawn = runs(text)
+    assert len(drawn) == len({run.name for run in drawn}) == 6
+    rows = [tuple(value.value for value in run.variation) for run in drawn]
     assert len({(yaw, x) for yaw, _, x in rows}) == 3
     assert [friction for _, friction, _ in rows] == [0.4, 0.8] * 3
     assert all(isinstance(yaw, float) and -0.1 <= yaw <= 0.1 for yaw, _, _ in rows)
     assert all(isinstance(x, str) and x.endswith(" cm") for _, _, x in rows)
-    assert len({run.name for run in runs}) == 6
 
 
 def test_what_is_drawn_is_of_the_seed_and_the_key_alone() -> None:
     yaw = "variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 4}\n"
     first = names(yaw)
     assert names(yaw) == first
-    assert [
-        name.split(",")[0] + "]" for name in names(f"{yaw}  robot.pose.x: {{normal: [0, 1], samples: 4}}\n")
-    ] == first
+    joint = names(f"{yaw}  robot.pose.x: {{normal: [0, 1], samples: 4}}\n")
+    assert [name.split(",")[0] + "]" for name in joint] == first
     assert names(yaw, seed=1) != first
     assert names(f"seed: 1\n{yaw}") == names(yaw, seed=1)
     # More samples leave the first what they were.
-    more = [run.variation for run in varied(yaw.replace("4}", "40}"))]
-    assert more[:4] == [run.variation for run in varied(yaw)]
+    more = [run.variation for run in runs(yaw.replace("4}", "40}"))]
+    assert more[:4] == [run.variation for run in runs(yaw)]
 
 
 def seeds(text: str, seed: int | None = None) -> list[object]:
-    return [source.document.data.get("seed") for source in varied(text, seed) if isinstance(source.document.data, dict)]
+    documents = [source.document.data for source in runs(text, seed=seed)]
+    return [data.get("seed") for data in documents if isinstance(data, dict)]
 
 
 def test_each_sample_has_a_seed_of_its_own_that_depends_on_its_index_and_the_scenarios_seed_alone() -> None:
@@ -140,14 +101,14 @@ def test_each_sample_has_a_seed_of_its_own_that_depends_on_its_index_and_the_sce
     assert seeds(f"{yaw}  robot.pose.x: {{normal: [0, 1], samples: 4}}\n") == first
     assert seeds(f"seed: 1\n{yaw}") == seeds(yaw, seed=1) == seeds(f"seed: 3\n{yaw}", seed=1)
     assert not set(first) & set(seeds(yaw, seed=1))
-    assert {source.scenario_seed for source in varied(yaw, seed=1)} == {1}
+    assert {source.scenario_seed for source in runs(yaw, seed=1)} == {1}
 
 
 def test_listed_values_are_compared_on_the_same_samples() -> None:
     listed = "variations:\n  world.ground.friction: [0.4, 0.8]\n"
     assert seeds(listed) == [None, None]
     assert seeds(f"seed: 5\n{listed}") == [5, 5]
-    assert [source.scenario_seed for source in varied(listed)] == [None, None]
+    assert [source.scenario_seed for source in runs(listed)] == [None, None]
     drawn = "  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 3}\n"
     both = seeds(listed + drawn)
     assert both[:3] == both[3:] == seeds(f"variations:\n{drawn}")
@@ -159,7 +120,7 @@ def test_a_listed_seed_has_samples_of_its_own() -> None:
     assert found == [*seeds(f"seed: 1\nvariations:\n{drawn}"), *seeds(f"seed: 2\nvariations:\n{drawn}")]
     assert seeds("variations: {seed: [1, 2]}\n") == [1, 2]
     # That of the command line decides the drawn values, and not the listed seeds.
-    typed = varied(f"variations:\n  seed: [1, 2]\n{drawn}", seed=7)
+    typed = runs(f"variations:\n  seed: [1, 2]\n{drawn}", seed=7)
     assert [source.scenario_seed for source in typed] == [1] * (len(typed) // 2) + [2] * (len(typed) // 2)
     assert [source.document.data["seed"] for source in typed if isinstance(source.document.data, dict)] == found
 
@@ -170,7 +131,7 @@ def test_seeds_are_drawn_as_different_whole_numbers() -> None:
     assert sorted(found, key=str) == list(range(10))
     assert seeds(drawn.replace("10}", "4}")) == found[:4]
     assert names(drawn) == [f"[seed={seed}]" for seed in found]
-    assert [source.scenario_seed for source in varied(drawn)] == [None] * 10
+    assert [source.scenario_seed for source in runs(drawn)] == [None] * 10
     large = "variations: {seed: {uniform: [0, 1000000000], samples: 50}}\n"
     assert names(large) == [f"[seed={seed}]" for seed in seeds(large)]
     assert seeds(large) != seeds(large, seed=1)
@@ -178,8 +139,7 @@ def test_seeds_are_drawn_as_different_whole_numbers() -> None:
 
 def test_an_invalid_seed_is_reported_although_there_are_samples(tmp_path: Path) -> None:
     text = "seed: -3\nvariations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 4}\n"
-    (refused,) = loaded(tmp_path, text)
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, LEAST + text)
     assert [problem.message.partition(":")[0] for problem in refused.problems] == ["seed"]
 
 
@@ -195,7 +155,7 @@ def test_an_invalid_seed_is_reported_although_there_are_samples(tmp_path: Path) 
 )
 def test_what_is_drawn_is_in_one_unit_however_the_figures_are_written(bounds: str, alike: str) -> None:
     drawn, same = (
-        [source.variation for source in varied(f"variations: {{robot.pose.x: {{{written}, samples: 3}}}}\n")]
+        [source.variation for source in runs(f"variations: {{robot.pose.x: {{{written}, samples: 3}}}}\n")]
         for written in (bounds, alike)
     )
     assert drawn == same
@@ -235,7 +195,7 @@ def test_a_value_that_would_spoil_a_name_is_called_by_its_number(values: str, te
 
 
 def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
-    (run,) = varied(WALL + "variations: {world.objects.wall.pose.x: [1]}\n")
+    (run,) = runs(WALL + "variations: {world.objects.wall.pose.x: [1]}\n")
     assert isinstance(run.document.data, dict)
     assert run.document.data["world"]["objects"][0]["pose"] == {"x": 1}
     assert run.document.data["world"]["objects"][0]["box"] == (0.1, 2, 0.5)
@@ -246,7 +206,7 @@ def test_a_name_in_a_list_leads_to_its_entry_wherever_that_stands() -> None:
 )
 def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
     objects = ", ".join(f"{{name: {name}, box: [1, 1, 1]}}" for name in ("a.b", "a", "a.b.c"))
-    (run,) = varied(f"world: {{objects: [{objects}]}}\nvariations: {{{key}: [7]}}\n")
+    (run,) = runs(f"world: {{objects: [{objects}]}}\nvariations: {{{key}: [7]}}\n")
     assert isinstance(run.document.data, dict)
     assert run.document.data["world"]["objects"][box]["pose"] == {"x": 7}
     assert run.name == "push[x=7]"
@@ -262,22 +222,10 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot..x: [1]}", "a key is a path of keys with dots"),
         ("{name: [a, b]}", "'name' is the same in all variations"),
         ("{extends: [a.base.yml, b.base.yml]}", "'extends' is the same in all variations: files are merged before"),
-        (
-            "{scenarios: [[], []]}",
-            "'scenarios' is the same in all variations: scenarios are separated before keys vary",
-        ),
-        (
-            "{seed: {normal: [5, 1], samples: 2}}",
-            "seeds are different whole numbers: draw them with 'integers' or 'uniform', such as {integers: [0, 10000",
-        ),
-        (
-            "{seed: {uniform: [0, 0.5], samples: 2}}",
-            "the bounds of seeds must be whole numbers from 0 to 9007199254740992",
-        ),
-        (
-            "{seed: {uniform: [0, 4], samples: 6}}",
-            "6 different seeds do not fit between 0 and 4; choose wider bounds, such as [0, 1000000]",
-        ),
+        ("{scenarios: [[], []]}", "'scenarios' is the same in all variations: scenarios are separated before keys"),
+        ("{seed: {normal: [5, 1], samples: 2}}", "seeds are different whole numbers: draw them with 'integers' or"),
+        ("{seed: {uniform: [0, 0.5], samples: 2}}", "bounds of seeds must be whole numbers from 0 to 9007199254740992"),
+        ("{seed: {uniform: [0, 4], samples: 6}}", "6 different seeds do not fit between 0 and 4; choose wider bounds"),
         ("{variations.seed: [1, 2]}", "'variations' is the same in all variations: variations cannot be nested"),
         ("{backend: [pybullet]}", "'backend' is the same in all variations; use --backend all to run"),
         ("{robot.pose: [{}], robot.pose.x: [1]}", "is inside 'robot.pose', which also varies"),
@@ -288,10 +236,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot.pose.x: [1, 2, 1]}", "1 occurs twice"),
         ("{robot.pose.x: {uniform: [1, 1], samples: 2}}", "uniform: both bounds are 1; choose two different ones"),
         ("{robot.pose.x: {uniform: [0.6, 0.2], samples: 2}}", "uniform: the first bound must be below the second"),
-        (
-            "{robot.pose.x: {uniform: [0 s, 5 cm], samples: 2}}",
-            "units of one dimension, or none; found '0 s' and '5 cm'",
-        ),
+        ("{robot.pose.x: {uniform: [0 s, 5 cm], samples: 2}}", "of one dimension, or none; found '0 s' and '5 cm'"),
         ("{robot.pose.x: {uniform: [1, 5 cm], samples: 2}}", "units of one dimension, or none; found 1 and '5 cm'"),
         ("{robot.pose.x: {uniform: [-1 m, 5], samples: 2}}", "units of one dimension, or none; found '-1 m' and 5"),
         ("{robot.pose.x: {normal: [1e308 km, 1 mm], samples: 2}}", "found '1e308 km' and '1 mm'"),
@@ -311,10 +256,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         (f"{{robot.args.{'x' * 200}: [1]}}", "of at most 200 characters"),
         ("[1]", "variations: expected a map of 1 to 20 keys"),
         ("{}", "variations: expected a map of 1 to 20 keys"),
-        (
-            f"{{robot.pose.x: {list(range(101))}, robot.pose.y: {list(range(100))}}}",
-            "10,100 runs; a file may have 10,000",
-        ),
+        (f"{{robot.pose.x: {[*range(101)]}, robot.pose.y: {[*range(100)]}}}", "10,100 runs; a file may have 10,000"),
         (
             "{robot.pose.x: {normal: [0, 1], samples: 1}, robot.pose.y: {normal: [0, 1], samples: 2}}",
             "samples are drawn together: 'robot.pose.x' has 1, this one 2",
@@ -322,7 +264,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
     ],
 )
 def test_variations_that_cannot_be(variations: str, problem: str) -> None:
-    (found,) = problems(f"{WALL}variations: {variations}\n")
+    (found,) = refused_runs(f"{WALL}variations: {variations}\n")
     assert found.startswith("12:")
     assert ": variations" in found
     assert problem in found
@@ -330,8 +272,7 @@ def test_variations_that_cannot_be(variations: str, problem: str) -> None:
 
 def test_a_value_that_cannot_be_is_told_at_its_place_and_once(tmp_path: Path) -> None:
     text = "variations:\n  robot.pose.x: [0, 1, 2]\n  world.ground.friction:\n    - 0.4\n    - -1\n    - fast\n"
-    (refused,) = loaded(tmp_path, text)
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, LEAST + text)
     assert refused.name == "burger drives straight"
     assert [str(problem).rpartition("yml:")[2] for problem in refused.problems] == [
         "15:7: world.ground.friction: must be at least 0, found -1",
@@ -340,8 +281,7 @@ def test_a_value_that_cannot_be_is_told_at_its_place_and_once(tmp_path: Path) ->
 
 
 def test_a_key_that_is_none_is_told_where_it_stands_in_the_variations(tmp_path: Path) -> None:
-    (refused,) = loaded(tmp_path, "variations:\n  world.ground.fricton: [1, 2]\n")
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, LEAST + "variations:\n  world.ground.fricton: [1, 2]\n")
     assert [str(problem).rpartition("yml:")[2].partition(" (")[0] for problem in refused.problems] == [
         "12:26: world.ground.fricton: unknown key; did you mean 'friction'?"
     ]
@@ -351,8 +291,8 @@ def test_what_is_long_is_not_varied_without_end() -> None:
     """Written out by aliases: 100 rows of 100 heights that stand there once."""
     rows = f"[&row [{', '.join('0' * 100)}]{', *row' * 99}]"
     world = f"world: {{objects: [{{name: hill, heightfield: {{heights: {rows}, size: [1, 1]}}}}]}}\n"
-    assert len(varied(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 400}}}}\n")) == 400
-    (found,) = problems(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 600}}}}\n")
+    assert len(runs(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 400}}}}\n")) == 400
+    (found,) = refused_runs(f"{world}variations: {{robot.pose.y: {{uniform: [0, 1], samples: 600}}}}\n")
     assert "600 runs of 10,1" in found
     assert "values each, more than 5,000,000; move long values into a file" in found
 
@@ -362,31 +302,25 @@ def test_variations_share_what_is_read_for_their_worlds(tmp_path: Path) -> None:
     ground = "{name: hill, heightfield: {heights: [[0, 1], [0, 1]], size: [1, 1]}, pose: {x: 3}}"
     missing = "{name: rock, mesh: {file: rock.stl}}"
     text = "world: {{objects: [{}]}}\nvariations: {{robot.pose.y: [0, 1, 2]}}\n"
-    first, *others = loaded(tmp_path, text.format(ground))
+    first, *others = load_runs(tmp_path, LEAST + text.format(ground))
     assert isinstance(first, LoadedScenario)
     assert len(others) == 2
     for other in others:
         assert isinstance(other, LoadedScenario)
         assert other.parts["hill"] is first.parts["hill"]
-    (refused,) = loaded(tmp_path, text.format(missing))
-    assert isinstance(refused, Refused)
-    assert len(refused.problems) == 1
+    assert len(load_refused(tmp_path, LEAST + text.format(missing)).problems) == 1
+
+
+def several(*entries: str) -> str:
+    return "".join(["scenarios:\n", *(f"  - {entry}\n" for entry in entries), LEAST.partition("\n")[2]])
 
 
 def test_variations_of_one_scenario_leave_the_others_of_its_file(tmp_path: Path) -> None:
-    shared = LEAST.partition("\n")[2]
-    (tmp_path / "s.sim.yml").write_text(
-        "scenarios:\n  - {name: a, variations: {robot.pose.x: [1, 2]}}\n  - {name: b, variations: 7}\n  - {name: c}\n"
-        + shared
-    )
-    found = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
-    assert [each.name if isinstance(each, Refused) else each.scenario.name for each in found] == [
-        "a[x=1]",
-        "a[x=2]",
-        "b",
-        "c",
-    ]
-    assert [isinstance(each, Refused) for each in found] == [False, False, True, False]
+    entries = "{name: a, variations: {robot.pose.x: [1, 2]}}", "{name: b, variations: 7}", "{name: c}"
+    loaded = load_runs(tmp_path, several(*entries))
+    names = [run.name if isinstance(run, Refused) else run.scenario.name for run in loaded]
+    assert names == ["a[x=1]", "a[x=2]", "b", "c"]
+    assert [isinstance(run, Refused) for run in loaded] == [False, False, True, False]
 
 
 @given(
@@ -421,10 +355,14 @@ def test_what_is_drawn_stays_the_same_for_good() -> None:
     ]
 
 
-def test_samples_share_the_places_of_what_is_drawn() -> None:
-    first, second = varied("variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 2}\n")
+def test_samples_share_the_places_of_what_is_drawn_also_in_another_process() -> None:
+    (run, _) = runs("variations:\n  world.ground.friction: [0.4, 0.8]\n")
+    again = pickle.loads(pickle.dumps(run))
+    assert again == run
+    assert again.document.location(("world", "ground", "friction")).line == 12
+    first, second = runs("variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 2}\n")
     assert first.document.marks is second.document.marks
-    one, other = varied("variations:\n  robot.pose.yaw:\n    - 0.1\n    - 0.2\n")
+    one, other = runs("variations:\n  robot.pose.yaw:\n    - 0.1\n    - 0.2\n")
     path = ("robot", "pose", "yaw")
     assert other.document.marks[path].line == (one.document.marks[path].line or 0) + 1
 
@@ -444,7 +382,7 @@ def test_variations_are_drawn_where_there_is_no_numpy() -> None:
 
 def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: Path) -> None:
     text = "variations:\n  world.ground.friction: {normal: [0.2, 0.2], samples: 20}\n  robot.pose.x: [0, 1]\n"
-    found = loaded(tmp_path, text)
+    found = load_runs(tmp_path, LEAST + text)
     refused = [each for each in found if isinstance(each, Refused)]
     drawn = [each.source.variation[0].value for each in found if isinstance(each, LoadedScenario)]
     assert len(found) == 40
@@ -473,37 +411,31 @@ def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: 
     ],
 )
 def test_what_is_wrong_beside_what_is_drawn_stops_all_variations(tmp_path: Path, text: str, told: str) -> None:
-    (refused,) = loaded(tmp_path, f"variations: {text}\n")
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, f"{LEAST}variations: {text}\n")
     assert (refused.name, refused.group, refused.number) == ("burger drives straight", None, 1)
     assert any(told in str(problem) for problem in refused.problems)
 
 
 def test_a_variation_that_cannot_be_keeps_its_name_on_its_own(tmp_path: Path) -> None:
     text = "variations: {world.ground.friction: {uniform: [-1, 1], samples: 9}}\n"
-    refused = next(each for each in loaded(tmp_path, text) if isinstance(each, Refused))
+    refused = next(each for each in load_runs(tmp_path, LEAST + text) if isinstance(each, Refused))
     sources = [each for each in read_file(tmp_path / "s.sim.yml", Permissions()) if each.name == refused.name]
     (alone,) = load_all(sources, Permissions())
     assert alone == replace(refused, error=alone.error) if isinstance(alone, Refused) else False
 
 
+VARIED = "{name: br, variations: {robot.pose.x: [1, 2]}}"
+
+
 @pytest.mark.parametrize(
     ("entries", "told"),
     [
-        (
-            ("{name: br, variations: {robot.pose.x: [1, 2]}}", "{name: 'br[x=1]'}"),
-            "3:6: name: this scenario is called 'br[x=1]', like another run of this file; choose another name",
-        ),
-        (
-            ("{name: 'br[x=2]'}", "{name: br, variations: {robot.pose.x: [1, 2]}}"),
-            "3:6: name: a variation of 'br' is called 'br[x=2]', like another run of this file; choose another name",
-        ),
+        ((VARIED, "{name: 'br[x=1]'}"), "3:6: name: this scenario is called 'br[x=1]'"),
+        (("{name: 'br[x=2]'}", VARIED), "3:6: name: a variation of 'br' is called 'br[x=2]'"),
     ],
 )
 def test_a_variation_has_its_name_alone(tmp_path: Path, entries: tuple[str, str], told: str) -> None:
-    shared = LEAST.partition("\n")[2]
-    (tmp_path / "s.sim.yml").write_text(f"scenarios:\n  - {entries[0]}\n  - {entries[1]}\n{shared}")
-    found = read_file(tmp_path / "s.sim.yml", Permissions())
-    (refused,) = [each for each in found if isinstance(each, Refused)]
-    assert refused is found[-1]
-    assert str(refused.problems[0]).endswith(told)
+    *_, refused = sources = load_runs(tmp_path, several(*entries))
+    assert isinstance(refused, Refused)
+    assert [source for source in sources if isinstance(source, Refused)] == [refused]
+    assert str(refused.problems[0]).endswith(f"{told}, like another run of this file; choose another name")

@@ -8,32 +8,18 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import read_document
 from sim_action.scenario.files import read_file
-from sim_action.scenario.loading import checked, load_all
+from sim_action.scenario.loading import checked
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.expansion import expanded
 from sim_action.scenario.variations.gate import Gate, percent, percents_apart
-from tests.scenarios import LEAST
+from tests.scenarios import LEAST, load_refused, refused_runs, runs
 
 DRAWN = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}}\n"
 LINE = LEAST.count("\n") + 1
 
 
-def runs(folder: Path, text: str, least: str = LEAST) -> tuple[Source, ...]:
-    document = read_document("s.sim.yml", least + text)
-    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
-
-
-def refused(folder: Path, text: str) -> list[str]:
-    with pytest.raises(InvalidScenario) as raised:
-        runs(folder, text)
-    return [str(problem).removeprefix("s.sim.yml:") for problem in raised.value.problems]
-
-
-def test_all_samples_share_one_gate(tmp_path: Path) -> None:
-    found = runs(tmp_path, f"{DRAWN}gate: {{passes: {{at_least: 90 %}}, runs: 29}}\n")
+def test_all_samples_share_one_gate() -> None:
+    found = runs(f"{DRAWN}gate: {{passes: {{at_least: 90 %}}, runs: 29}}\n")
     gates = {id(run.gate): run.gate for run in found}
     (gate,) = gates.values()
     assert gate is not None
@@ -41,33 +27,29 @@ def test_all_samples_share_one_gate(tmp_path: Path) -> None:
     assert gate.gate.passes is not None
     assert (gate.gate.passes.at_least, gate.gate.passes.confidence) == (0.9, 0.95)
     assert gate.location.line == LINE + 1
-
-
-def test_the_draws_may_state_the_number_of_runs(tmp_path: Path) -> None:
+    # The draws may state the number of runs.
     drawn = DRAWN.replace("m]", "m], samples: 29")
-    assert len(runs(tmp_path, f"{drawn}gate: {{passes: {{at_least: 90 %}}}}\n")) == 29
+    assert len(runs(f"{drawn}gate: {{passes: {{at_least: 90 %}}}}\n")) == 29
 
 
-def test_listed_values_have_a_gate_each_whose_runs_follow_each_other(tmp_path: Path) -> None:
+def test_listed_values_have_a_gate_each_whose_runs_follow_each_other() -> None:
     keys = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}, time_limit: [10 s, 20 s]}\n"
-    found = runs(tmp_path, f"{keys}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n")
+    found = runs(f"{keys}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n")
     assert [run.gate_name for run in found] == ["push[time_limit=10s]"] * 5 + ["push[time_limit=20s]"] * 5
     assert {run.gate.runs for run in found if run.gate is not None} == {5}
 
 
-def test_samples_without_a_drawn_key_differ_by_their_seed(tmp_path: Path) -> None:
-    found = runs(tmp_path, "gate: {passes: {at_least: 50 %}, runs: 5}\n")
+def test_samples_without_a_drawn_key_differ_by_their_seed() -> None:
+    found = runs("gate: {passes: {at_least: 50 %}, runs: 5}\n")
     assert [run.name for run in found] == [f"push[sample={number}]" for number in range(1, 6)]
     seeds = {run.document.data["seed"] for run in found if isinstance(run.document.data, dict)}
     assert len(seeds) == 5
     assert all(run.variation == () and run.differs_by_seed for run in found)
 
 
-def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
+def test_a_gate_does_not_reach_its_runs() -> None:
     """Another claim must not change the key of a run, from which `--resume` takes its outcome."""
-    first, second = (
-        runs(tmp_path, f"{DRAWN}gate: {{passes: {{at_least: {rate} %}}, runs: 29}}\n") for rate in (50, 90)
-    )
+    first, second = (runs(f"{DRAWN}gate: {{passes: {{at_least: {rate} %}}, runs: 29}}\n") for rate in (50, 90))
     assert [run.document.data for run in first] == [run.document.data for run in second]
 
 
@@ -86,18 +68,12 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: 1}}", "both excluded; found 100 %"),
         ("{passes: {at_least: 90 %, confidence: 120 %}}", "gives 100 %; found 120 %; use 95 %"),
         ("{quantile: {of: travel.measured, q: 0, at_least: 1 m}}", "a quantile lies between 0 % and 100 %, both"),
-        (
-            "{stop_early: {reject: 95.00001 %, accept: 95 %}}",
-            "'reject' must be below 'accept'; found 95.00001 % and 95 %",
-        ),
+        ("{stop_early: {reject: 95.00001 %, accept: 95 %}}", "must be below 'accept'; found 95.00001 % and 95 %"),
         ("{passes: {at_least: 90}}", "found 90, which is 9000 %; write '90 %'"),
         ("{passes: {at_least: 90 %, most: 1}}", "gate.passes.most: unknown key"),
         ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
         ("{stop_early: {reject: 95 %, accept: 85 %}}", "'reject' must be below 'accept'; found 95 % and 85 %"),
-        (
-            "{stop_early: {reject: 85 %, accept: 95 %, confidence: 50 %}}",
-            "a test that stops early needs a confidence above 50 %; use 95 %",
-        ),
+        ("{stop_early: {reject: 85 %, accept: 95 %, confidence: 50 %}}", "needs a confidence above 50 %; use 95 %"),
         (
             "{passes: {at_least: 90 %}, stop_early: {reject: 85 %, accept: 95 %}}",
             "and shows no rate of 'at_least'; keep one of them; 'passes: null' removes that of a base file",
@@ -108,14 +84,8 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ),
         ("{quantile: {of: travel.measured, q: 5 %}}", "must have either 'at_least' or 'at_most'"),
         ("{quantile: {of: travel, q: 5 %, at_least: 1 m}}", "'of' ends with .measured or .margin"),
-        (
-            "{quantile: {of: travel.measured, q: 5 %, at_least: 1 mile}}",
-            "'1 mile' is no quantity; write a number and a unit",
-        ),
-        (
-            "{quantile: {of: travle.measured, q: 5 %, at_least: 1 m}, runs: 100}",
-            "no expectation is 'travle'; did you mean 'travel'?",
-        ),
+        ("{quantile: {of: travel.measured, q: 5 %, at_least: 1 mile}}", "'1 mile' is no quantity; write a number and"),
+        ("{quantile: {of: travle.measured, q: 5 %, at_least: 1 m}, runs: 99}", "'travle'; did you mean 'travel'?"),
         ("{passes: {at_least: 90 %}, errors: {at_most: -1}}", "gate.errors.at_most: must be at least 0"),
         (
             "{passes: {at_least: 50 %}, errors: {at_most: 9}, runs: 9}",
@@ -123,8 +93,8 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_gate_that_makes_no_sense_is_refused(tmp_path: Path, gate: str, problem: str) -> None:
-    (found,) = refused(tmp_path, f"{DRAWN}gate: {gate}\n")
+def test_a_gate_that_makes_no_sense_is_refused(gate: str, problem: str) -> None:
+    (found,) = refused_runs(f"{DRAWN}gate: {gate}\n")
     assert found.startswith(f"{LINE + 1}:")
     assert problem in found
 
@@ -139,50 +109,43 @@ def test_a_gate_that_makes_no_sense_is_refused(tmp_path: Path, gate: str, proble
         ("quantile: {of: travel.measured, q: 95 %, at_most: 1 m}", 59),
     ],
 )
-def test_a_gate_that_no_result_passes_is_refused_with_the_runs_it_needs(tmp_path: Path, gate: str, needed: int) -> None:
-    (found,) = refused(tmp_path, f"{DRAWN}gate: {{{gate}, runs: {needed - 1}}}\n")
+def test_a_gate_that_no_result_passes_is_refused_with_the_runs_it_needs(gate: str, needed: int) -> None:
+    (found,) = refused_runs(f"{DRAWN}gate: {{{gate}, runs: {needed - 1}}}\n")
     assert f"{needed - 1} runs cannot show" in found
     assert f"write 'runs: {needed}' or more" in found
-    assert len(runs(tmp_path, f"{DRAWN}gate: {{{gate}, runs: {needed}}}\n")) == needed
+    assert len(runs(f"{DRAWN}gate: {{{gate}, runs: {needed}}}\n")) == needed
 
 
-@pytest.mark.parametrize(
-    ("gate", "problem"),
-    [
-        ("passes: {at_least: 99.99 %}", "it needs more than 10,000, the most that a gate may have: claim less"),
-        ("stop_early: {reject: 94.99 %, accept: 95 %}", "it needs more than 10,000, the most that a gate may have"),
-    ],
-)
-def test_a_gate_that_no_number_of_runs_passes_is_refused(tmp_path: Path, gate: str, problem: str) -> None:
-    (found,) = refused(tmp_path, f"{DRAWN}gate: {{{gate}, runs: 10000}}\n")
-    assert problem in found
+@pytest.mark.parametrize("gate", ["passes: {at_least: 99.99 %}", "stop_early: {reject: 94.99 %, accept: 95 %}"])
+def test_a_gate_that_no_number_of_runs_passes_is_refused(gate: str) -> None:
+    (problem,) = refused_runs(f"{DRAWN}gate: {{{gate}, runs: 10000}}\n")
+    assert "it needs more than 10,000, the most that a gate may have: claim less" in problem
 
 
 def test_a_gate_of_a_base_file_belongs_to_the_scenario(tmp_path: Path) -> None:
-    """By its file, its runs find it."""
+    """By its file, its runs find it; one that does not fit names the scenario."""
     (tmp_path / "base.yml").write_text("gate: {passes: {at_least: 50 %}, runs: 5}\n")
     (tmp_path / "s.sim.yml").write_text(f"extends: base.yml\n{LEAST}{DRAWN}")
-    (found, *_) = read_file(tmp_path / "s.sim.yml", Permissions())
-    assert isinstance(found, Source)
-    assert found.gate is not None
-    assert found.gate.file == found.document.file
-    assert found.gate.file.endswith("s.sim.yml")
-    assert found.gate.location.file.endswith("base.yml")
-
-
-def test_a_gate_without_a_number_of_runs_is_refused(tmp_path: Path) -> None:
-    (found,) = refused(tmp_path, "gate: {passes: {at_least: 50 %}}\n")
-    assert "'runs' is missing" in found
+    (run, *_) = read_file(tmp_path / "s.sim.yml", Permissions())
+    assert isinstance(run, Source)
+    assert run.gate is not None
+    assert run.gate.file == run.document.file
+    assert run.gate.file.endswith("s.sim.yml")
+    assert run.gate.location.file.endswith("base.yml")
+    (tmp_path / "base.yml").write_text("gate: {passes: {at_least: 90 %}, runs: 5}\n")
+    (refused,) = read_file(tmp_path / "s.sim.yml", Permissions())
+    assert isinstance(refused, Refused)
+    assert "s.sim.yml: 5 runs cannot show a rate of 90 %" in refused.problems[0].message
+    assert refused.problems[0].location.file.endswith("base.yml")
 
 
 def test_samples_that_would_all_be_the_same_are_refused(tmp_path: Path) -> None:
     gate = "gate: {passes: {at_least: 50 %}, runs: 5}\n"
-    several = runs(tmp_path, gate)
-    assert several[0].differs_by_seed
+    assert runs(gate)[0].differs_by_seed
     (same,) = told_of_first(tmp_path, gate)
-    assert same.startswith(
-        f"{LINE}:1: gate: all 5 runs would be the same: nothing is drawn and nothing is noisy; draw a key"
-    )
+    assert same.startswith(f"{LINE}:1: gate: all 5 runs would be the same: nothing is drawn and nothing is noisy; draw")
+    (without,) = refused_runs("gate: {passes: {at_least: 50 %}}\n")
+    assert "'runs' is missing" in without
 
 
 @pytest.mark.parametrize(
@@ -212,23 +175,23 @@ def test_equal_samples_that_are_known_before_any_run_are_refused(tmp_path: Path,
         ("{quantile: [{of: travel.margin, q: 5 %, at_most: 9 m}], runs: 59}", ".quantile.0", "a share of 5 % allows"),
     ],
 )
-def test_a_gate_that_most_runs_may_fail_needs_permission(tmp_path: Path, gate: str, place: str, problem: str) -> None:
-    (found,) = refused(tmp_path, f"{DRAWN}gate: {gate}\n")
+def test_a_gate_that_most_runs_may_fail_needs_permission(gate: str, place: str, problem: str) -> None:
+    (found,) = refused_runs(f"{DRAWN}gate: {gate}\n")
     assert f"gate{place}: {problem}" in found
     assert found.endswith("allow: [low-gate] [low-gate]")
     assert ("write '90 %' if that is meant, or" in found) == ("0.9 %" in gate)
-    (first, *_) = runs(tmp_path, f"{DRAWN}gate: {gate}\nallow: [low-gate]\n")
+    (first, *_) = runs(f"{DRAWN}gate: {gate}\nallow: [low-gate]\n")
     assert first.gate is not None
     assert first.gate.may_be_low
 
 
-def test_an_expectation_that_is_a_name_alone_is_found(tmp_path: Path) -> None:
+def test_an_expectation_that_is_a_name_alone_is_found() -> None:
     gate = f"{DRAWN}gate: {{quantile: {{of: no_collision.measured, q: 50 %, at_most: 0}}, runs: 9}}\n"
     once = LEAST.replace("expect:\n", "expect:\n  - no_collision\n")
-    assert len(runs(tmp_path, gate, once)) == 9
+    assert len(runs(gate, least=once)) == 9
     twice = once.replace("  - no_collision\n", "  - no_collision\n  - no_collision: {allow: [wall]}\n")
     with pytest.raises(InvalidScenario, match="2 expectations are 'no_collision'; give the one that is meant a 'name'"):
-        runs(tmp_path, gate, twice)
+        runs(gate, least=twice)
 
 
 @pytest.mark.parametrize(
@@ -273,7 +236,7 @@ def test_samples_with_noise_differ(tmp_path: Path, sensor: str, *, is_noisy: boo
 def told_of_first(folder: Path, text: str, least: str = LEAST) -> list[str]:
     """The problems of the first sample, checked as a whole."""
     try:
-        checked(runs(folder, text, least)[0], Permissions())
+        checked(runs(text, folder, least=least)[0], Permissions())
     except InvalidScenario as error:
         return [str(problem).removeprefix("s.sim.yml:") for problem in error.problems]
     return []
@@ -287,9 +250,7 @@ def test_a_stored_gate_is_read_again() -> None:
 def test_a_sample_that_cannot_run_refuses_the_gate(tmp_path: Path) -> None:
     """Its other runs would be for nothing."""
     drawn = "variations: {time_limit: {uniform: [-20 s, 30 s]}}\n"
-    (tmp_path / "s.sim.yml").write_text(f"{LEAST}{drawn}gate: {{passes: {{at_least: 50 %}}, runs: 7}}\n")
-    (refused,) = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, f"{LEAST}{drawn}gate: {{passes: {{at_least: 50 %}}, runs: 7}}\n")
     assert (refused.name, refused.group, refused.gate) == ("burger drives straight", None, None)
     (problem,) = refused.problems
     assert "choose bounds within the allowed range); 4 of 7 samples have a problem here" in str(problem)
@@ -298,30 +259,18 @@ def test_a_sample_that_cannot_run_refuses_the_gate(tmp_path: Path) -> None:
 @pytest.mark.parametrize("key", ["world.ground.frction", "world.ground.friction"])
 def test_a_draw_of_which_no_sample_can_run_has_no_advice_about_bounds(tmp_path: Path, key: str) -> None:
     text = f"{LEAST}variations: {{{key}: {{uniform: [0.1 m, 0.9 m]}}}}\ngate: {{passes: {{at_least: 50 %}}, runs: 7}}\n"
-    (tmp_path / "s.sim.yml").write_text(text)
-    (refused,) = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
-    assert isinstance(refused, Refused)
-    (problem,) = refused.problems
+    (problem,) = load_refused(tmp_path, text).problems
     assert ("unknown key" if key.endswith("frction") else "no unit") in problem.message
     assert "drawn from" not in problem.message
 
 
-def test_a_problem_of_one_of_several_quantiles_is_at_its_entry(tmp_path: Path) -> None:
+def test_a_problem_of_one_of_several_quantiles_is_at_its_entry() -> None:
     good, bad = (f"{{of: {name}.measured, q: 50 %, at_least: 1 m}}" for name in ("travel", "travle"))
-    (found,) = refused(tmp_path, f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {bad}\n")
+    (found,) = refused_runs(f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {bad}\n")
     assert found.startswith(f"{LINE + 5}:7: gate.quantile.1: no expectation is 'travle'")
     few = good.replace("50 %", "1 %")
-    (found,) = refused(tmp_path, f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {few}\n")
+    (found,) = refused_runs(f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {few}\n")
     assert found.startswith(f"{LINE + 5}:7: gate.quantile.1: 5 runs cannot show")
-
-
-def test_a_gate_of_a_base_file_names_the_scenario_that_it_does_not_fit(tmp_path: Path) -> None:
-    (tmp_path / "base.yml").write_text("gate: {passes: {at_least: 90 %}, runs: 5}\n")
-    (tmp_path / "s.sim.yml").write_text(f"extends: base.yml\n{LEAST}{DRAWN}")
-    (found,) = read_file(tmp_path / "s.sim.yml", Permissions())
-    assert isinstance(found, Refused)
-    assert "s.sim.yml: 5 runs cannot show a rate of 90 %" in found.problems[0].message
-    assert found.problems[0].location.file.endswith("base.yml")
 
 
 @pytest.mark.parametrize(

@@ -1,27 +1,30 @@
-"""The values of one key: how many samples, rows of CSV files, and their names."""
+"""The values of one key: how many samples, their distributions, rows of CSV files, and their names."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 import struct
 from collections import Counter
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
+from random import Random
+from statistics import NormalDist, fmean, variance
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.errors import Location
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
-from sim_action.core.yaml_document import read_document
+from sim_action.scenario import variations as draws
 from sim_action.scenario.files import read_file
-from sim_action.scenario.loading import load_all
-from sim_action.scenario.model import LoadedScenario
-from sim_action.scenario.source import MAX_KEYS, Refused, Source
-from sim_action.scenario.variations.expansion import expanded
+from sim_action.scenario.source import MAX_KEYS
 from sim_action.scenario.variations.values import (
     BITS,
     MAX_CSV_BYTES,
@@ -32,29 +35,26 @@ from sim_action.scenario.variations.values import (
     scrambled_points,
     value_list,
 )
-from tests.scenarios import LEAST
+from tests.scenarios import LEAST, load_refused, refused_runs, runs
 
 UNIFORM = "robot.pose.x: {uniform: [0, 1]}"
 
 
-def sources(folder: Path, variations: str, runs: int | None = None) -> tuple[Source, ...]:
-    gate = f"gate: {{passes: {{at_least: 50 %, confidence: 50 %}}, runs: {runs}}}\n" if runs else ""
-    document = read_document("s.sim.yml", f"{LEAST}variations:\n  {variations.replace('; ', chr(10) + '  ')}\n{gate}")
-    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
+def varied(variations: str, gate_runs: int | None = None) -> str:
+    gate = f"gate: {{passes: {{at_least: 50 %, confidence: 50 %}}, runs: {gate_runs}}}\n" if gate_runs else ""
+    return f"variations:\n  {variations.replace('; ', chr(10) + '  ')}\n{gate}"
 
 
-def rows(folder: Path, variations: str, runs: int | None = None) -> list[tuple[object, ...]]:
-    return [tuple(each.value for each in source.variation) for source in sources(folder, variations, runs)]
+def rows(folder: Path, variations: str, gate_runs: int | None = None) -> list[tuple[object, ...]]:
+    return [tuple(value.value for value in run.variation) for run in runs(varied(variations, gate_runs), folder)]
 
 
-def problems(folder: Path, variations: str, runs: int | None = None) -> list[str]:
-    with pytest.raises(InvalidScenario) as refused:
-        sources(folder, variations, runs)
-    return [str(problem) for problem in refused.value.problems]
+def problems(folder: Path, variations: str, gate_runs: int | None = None) -> list[str]:
+    return refused_runs(varied(variations, gate_runs), folder)
 
 
-def names(folder: Path, variations: str) -> list[str]:
-    return [source.name.removeprefix("push") for source in sources(folder, variations)]
+def names(variations: str) -> list[str]:
+    return [run.name.removeprefix("push") for run in runs(varied(variations))]
 
 
 def write(folder: Path, text: str | bytes, name: str = "rows.csv") -> None:
@@ -70,7 +70,7 @@ def test_a_gate_decides_the_number_of_samples(tmp_path: Path) -> None:
 def test_a_draw_without_samples_needs_a_gate(tmp_path: Path, draw: str) -> None:
     (found,) = problems(tmp_path, f"robot.pose.x: {{{draw}}}")
     assert found == (
-        "s.sim.yml:12:3: variations.robot.pose.x: the key 'samples' is missing; add it, or state the number of runs in "
+        "12:3: variations.robot.pose.x: the key 'samples' is missing; add it, or state the number of runs in "
         "'gate.runs'"
     )
 
@@ -85,11 +85,11 @@ def test_samples_must_agree_with_a_gate(tmp_path: Path) -> None:
     even = "'sobol' covers a space evenly with a power of 2 as the number of runs of the gate, such as 4 or 8; found 5"
     seeds = "5 different seeds do not fit between 0 and 2; choose wider bounds, such as [0, 1000000]"
     assert problems(tmp_path, text, 5) == [
-        f"s.sim.yml:12:35: variations.robot.pose.x.samples: 4 samples, {unequal}",
-        f"s.sim.yml:13:44: variations.robot.pose.y.samples: 1 sample, {unequal}",
-        "s.sim.yml:14:18: variations.robot.pose.z.csv: rows.csv has 2 rows after the header, but the gate needs 5",
-        f"s.sim.yml:15:3: variations.robot.pose.yaw: {even}",
-        f"s.sim.yml:16:10: variations.seed.integers: {seeds}",
+        f"12:35: variations.robot.pose.x.samples: 4 samples, {unequal}",
+        f"13:44: variations.robot.pose.y.samples: 1 sample, {unequal}",
+        "14:18: variations.robot.pose.z.csv: rows.csv has 2 rows after the header, but the gate needs 5",
+        f"15:3: variations.robot.pose.yaw: {even}",
+        f"16:10: variations.seed.integers: {seeds}",
     ]
 
 
@@ -117,10 +117,10 @@ def test_all_keys_with_even_samples_form_one(tmp_path: Path, samples: int) -> No
         assert rows(tmp_path, "; ".join(keys).replace("64", "128"))[:64] == drawn
 
 
-def test_seeds_are_drawn_from_whole_numbers(tmp_path: Path) -> None:
-    found = names(tmp_path, "seed: {integers: [0, 9], samples: 10}")
+def test_seeds_are_drawn_from_whole_numbers() -> None:
+    found = names("seed: {integers: [0, 9], samples: 10}")
     assert sorted(found) == [f"[seed={seed}]" for seed in range(10)]
-    assert found == names(tmp_path, "seed: {uniform: [0, 9], samples: 10}")
+    assert found == names("seed: {uniform: [0, 9], samples: 10}")
 
 
 @pytest.mark.parametrize("draw", ["choice: [1, 2]", "log_uniform: [1, 2]", "sobol: [0, 3]", "csv: rows.csv"])
@@ -135,16 +135,16 @@ def test_samples_of_equal_values_have_numbers(tmp_path: Path) -> None:
     values = [value for (value,) in rows(tmp_path, text)]
     called = [f"[base={value}#{n}]" for n, value in enumerate(values, 1)]
     assert len(set(values)) < len(values)
-    assert names(tmp_path, text) == [
+    assert names(text) == [
         name if values.count(value) > 1 else f"[base={value}]" for name, value in zip(called, values, strict=True)
     ]
     # Another drawn key makes them different.
-    assert "#" not in "".join(names(tmp_path, f"{text}; robot.pose.x: {{uniform: [0, 1], samples: 4}}"))
+    assert "#" not in "".join(names(f"{text}; robot.pose.x: {{uniform: [0, 1], samples: 4}}"))
 
 
 def test_structured_choices_are_called_by_their_numbers_in_the_list(tmp_path: Path) -> None:
     text = "robot.pose: {choice: [{x: 1}, {x: 2}, {x: 3}], weights: [0, 0, 1], samples: 1}"
-    assert names(tmp_path, text) == ["[pose=#3]"]
+    assert names(text) == ["[pose=#3]"]
     assert rows(tmp_path, text) == [({"x": 3},)]
 
 
@@ -153,12 +153,12 @@ def test_structured_choices_are_called_by_their_numbers_in_the_list(tmp_path: Pa
 )
 def test_no_two_samples_are_called_alike(values: list[str | int]) -> None:
     written = ", ".join(f"'{value}'" if isinstance(value, str) else str(value) for value in values)
-    found = names(Path.cwd(), f"robot.base: {{choice: [{written}], samples: 12}}")
+    found = names(f"robot.base: {{choice: [{written}], samples: 12}}")
     assert len(set(found)) == 12
 
 
 def test_whole_numbers_are_whole_in_names(tmp_path: Path) -> None:
-    found = names(tmp_path, "robot.pose.x: {integers: [100000, 900000], samples: 5}")
+    found = names("robot.pose.x: {integers: [100000, 900000], samples: 5}")
     assert all(re.fullmatch(r"\[x=[1-9][0-9]{5}\]", name) for name in found)
     assert all(type(value) is int for (value,) in rows(tmp_path, "robot.pose.x: {integers: [-5, 5], samples: 9}"))
 
@@ -195,31 +195,19 @@ def test_files_of_spreadsheets_are_read(tmp_path: Path, data: bytes) -> None:
     ("data", "draw", "problem"),
     [
         ("x,y\n1,2\n", "csv: row.csv", "12:18: variations.robot.pose.x.csv: 'row.csv' does not exist (looked for "),
-        (
-            "x,y\n1,2\n",
-            "csv: ../rows.csv",
-            "12:18: variations.robot.pose.x.csv: '../rows.csv' is outside the workspace",
-        ),
+        ("x,y\n1,2\n", "csv: ../rows.csv", "12:18: variations.robot.pose.x.csv: '../rows.csv' is outside the"),
         ("x,y\n1,2\n", "csv: .", "'.' is a folder, not a file"),
         ("x,y\n1,2\n", 'csv: "a\\0/b"', "is not a valid path: embedded null byte"),
         ("x,y\n1,2\n", f"csv: {'a/' * 3000}", "csv: 'a/a/a/"),
         ("x,y\n1,2\n", "csv: 3", "12:18: variations.robot.pose.x.csv: expected text, found 3; put it in quotes"),
         ("a,xx\n1,2\n", "csv: rows.csv", "rows.csv has no column 'x'"),
         ("a,b\n1,2\n", "csv: rows.csv", "(allowed: a, b); name one with 'column'"),
-        (
-            "a,bb\n1,2\n",
-            "csv: rows.csv, column: bbb",
-            "rows.csv has no column 'bbb'; did you mean 'bb'? (allowed: a, bb)",
-        ),
+        ("a,bb\n1,2\n", "csv: rows.csv, column: bbb", "has no column 'bbb'; did you mean 'bb'? (allowed: a, bb)"),
         ("x;y\n1;2\n", "csv: rows.csv", "no column 'x'; separate columns by commas, its first line is 'x;y'"),
         ("x,x\n1,2\n", "csv: rows.csv", "rows.csv has 2 columns 'x'; give each column a name of its own"),
         ("x,y\n", "csv: rows.csv", "rows.csv has 0 rows after the header, but it needs at least 1"),
         ("x,y\n1,2\n", "csv: rows.csv, samples: 2", "rows.csv has 1 row after the header, but 'samples' is 2"),
-        (
-            "x\n" + "1\n" * 10_001,
-            "csv: rows.csv",
-            "rows.csv has more than 10,000 rows; choose the first ones with 'samp",
-        ),
+        ("x\n" + "1\n" * 10_001, "csv: rows.csv", "has more than 10,000 rows; choose the first ones with 'samples'"),
     ],
 )
 def test_a_column_that_cannot_be_read_is_a_problem_of_its_key(
@@ -227,7 +215,7 @@ def test_a_column_that_cannot_be_read_is_a_problem_of_its_key(
 ) -> None:
     write(tmp_path, data)
     (found,) = problems(tmp_path, f"robot.pose.x: {{{draw}}}")
-    assert found.startswith("s.sim.yml:12:")
+    assert found.startswith("12:")
     assert problem in found
 
 
@@ -255,14 +243,11 @@ def test_a_damaged_table_is_a_problem_of_its_line(tmp_path: Path, data: bytes, p
     assert found.startswith("rows.csv:")
 
 
-def test_a_large_table_is_refused_unread(tmp_path: Path) -> None:
+def test_a_large_table_is_refused_unread_and_rows_beyond_the_samples_do_not_matter(tmp_path: Path) -> None:
     with (tmp_path / "rows.csv").open("wb") as file:
         file.truncate(MAX_CSV_BYTES + 1)
     (found,) = problems(tmp_path, "robot.pose.x: {csv: rows.csv}")
     assert "rows.csv has more than 25 MB; keep the rows to run only" in found
-
-
-def test_rows_beyond_the_samples_do_not_matter(tmp_path: Path) -> None:
     write(tmp_path, "x\n1\n2\n\n,,,\ncomment, of somebody\n")
     assert rows(tmp_path, "robot.pose.x: {csv: rows.csv, samples: 2}") == [(1,), (2,)]
 
@@ -288,24 +273,16 @@ def test_a_value_list_without_files_reads_none() -> None:
         value_list("robot.pose.x", {"csv": "rows.csv"}, 0)
 
 
-def loaded(folder: Path, variations: str) -> list[LoadedScenario | Refused]:
-    (folder / "s.sim.yml").write_text(f"{LEAST}variations:\n  {variations}\n")
-    return load_all(read_file(folder / "s.sim.yml", Permissions()), Permissions())
-
-
 def test_wrong_values_are_reported_where_they_are_written_and_stop_all_variations(tmp_path: Path) -> None:
     write(tmp_path, "friction,x\n0.5,1\n-1,2\n0.7,3\nfast,4\n")
-    (refused,) = loaded(tmp_path, "world.ground.friction: {csv: rows.csv}")
-    assert isinstance(refused, Refused)
+    refused = load_refused(tmp_path, LEAST + varied("world.ground.friction: {csv: rows.csv}"))
     assert [str(problem).rpartition("/")[2] for problem in refused.problems] == [
         "rows.csv:3: world.ground.friction: must be at least 0, found -1",
         "rows.csv:5: world.ground.friction: expected ratio such as 0.5, found 'fast'",
     ]
-    (refused,) = loaded(tmp_path, "world.ground.friction: {choice: [0.5, -1], samples: 16}")
-    assert isinstance(refused, Refused)
-    assert [str(problem).rpartition("/")[2] for problem in refused.problems] == [
-        "s.sim.yml:12:41: world.ground.friction: must be at least 0, found -1"
-    ]
+    refused = load_refused(tmp_path, LEAST + varied("world.ground.friction: {choice: [0.5, -1], samples: 16}"))
+    (problem,) = refused.problems
+    assert str(problem).endswith("s.sim.yml:12:41: world.ground.friction: must be at least 0, found -1")
 
 
 def test_rows_of_a_base_in_another_folder_are_beside_that_base(tmp_path: Path) -> None:
@@ -316,6 +293,191 @@ def test_rows_of_a_base_in_another_folder_are_beside_that_base(tmp_path: Path) -
     (tmp_path / "s.sim.yml").write_text("extends: lib/b.base.yml\n")
     found = read_file(tmp_path / "s.sim.yml", Permissions())
     assert [each.variation[0].value for each in found] == [1, 2]
+
+
+COUNT = 4000
+SHARES = st.floats(0, 1, exclude_max=True)
+FIGURES = st.floats(-1e6, 1e6)
+
+
+def drawn(draw: draws.Distribution, seed: int = 1) -> list[Any]:
+    generator = Random(seed)
+    return list(draw.drawn(generator.random() for _ in range(COUNT)))
+
+
+def largest_gap(samples: Sequence[float], share_below: Callable[[float], float]) -> float:
+    """The statistic of Kolmogorov and Smirnov: the largest difference of both distribution functions."""
+    ordered = sorted(samples)
+    return max(
+        max((index + 1) / len(ordered) - share_below(value), share_below(value) - index / len(ordered))
+        for index, value in enumerate(ordered)
+    )
+
+
+SIGNIFICANT = 1.95 / COUNT**0.5  # larger differences have a probability of 1e-3; the seed is fixed
+
+
+def simpson(function: Callable[[float], float], low: float, high: float, steps: int = 2000) -> float:
+    width = (high - low) / steps
+    inner = sum((4 if step % 2 else 2) * function(low + step * width) for step in range(1, steps))
+    return (function(low) + inner + function(high)) * width / 3
+
+
+@pytest.mark.parametrize(
+    ("draw", "share_below"),
+    [
+        (draws.Uniform(uniform=(-2, 6)), lambda x: (x + 2) / 8),
+        (draws.Sobol(sobol=(-2, 6)), lambda x: (x + 2) / 8),
+        (draws.LogUniform(log_uniform=(0.01, 100)), lambda x: (math.log10(x) + 2) / 4),
+        (draws.Normal(normal=(3, 2)), NormalDist(3, 2).cdf),
+    ],
+)
+def test_samples_have_the_distribution_that_they_are_drawn_from(
+    draw: draws.Distribution, share_below: Callable[[float], float]
+) -> None:
+    assert largest_gap(drawn(draw), share_below) < SIGNIFICANT
+    assert largest_gap(drawn(draw), lambda x: share_below(x) ** 1.2) > SIGNIFICANT
+
+
+@pytest.mark.parametrize(
+    "between", [(-1, 1), (0, 0.1), (-5, -1), (2, 3), (4, 9), (-30, 30), (-0.5, 40), (-40, 0.5), (5, 5.5), (-5.9, -5.8)]
+)
+def test_a_truncated_normal_distribution_is_the_density_integrated_over_its_range(between: tuple[float, float]) -> None:
+    """By Simpson's rule, which shares no code with the error function."""
+    mean, deviation = 2.0, 3.0
+    low, high = (mean + deviation * bound for bound in between)
+    samples = drawn(draws.Normal(normal=(mean, deviation), between=(low, high)))
+
+    def density(x: float) -> float:
+        return math.exp(-(((x - mean) / deviation) ** 2) / 2)
+
+    near = max(low, mean - 12 * deviation), min(high, mean + 12 * deviation)
+    whole = simpson(density, *near)
+    assert all(low <= sample <= high for sample in samples)
+    for share in (0.02, 0.1, 0.5, 0.9, 0.98):
+        value = sorted(samples)[int(share * COUNT)]
+        assert abs(simpson(density, near[0], value) / whole - share) < SIGNIFICANT
+    expected = simpson(lambda x: x * density(x), *near) / whole
+    assert abs(fmean(samples) - expected) < 4 * (variance(samples) / COUNT) ** 0.5
+
+
+def test_quantiles_of_a_truncated_normal_distribution_are_exact_far_from_its_mean() -> None:
+    """The median halves the tail, with all digits of the error function."""
+    for side in (1, -1):
+        between = (5.5, 30.0) if side > 0 else (-30.0, -5.5)
+        (median,) = draws.Normal(normal=(0, 1), between=between).drawn([0.5])
+        assert isinstance(median, float)
+        tail = math.erfc(abs(median) / math.sqrt(2)) / math.erfc(5.5 / math.sqrt(2))
+        assert tail == pytest.approx(0.5, rel=1e-9)
+
+
+@given(FIGURES, st.floats(1e-3, 1e6), st.floats(-6, 6), st.floats(-6, 6), SHARES)
+def test_truncated_samples_are_in_their_range(mean: float, deviation: float, a: float, b: float, share: float) -> None:
+    low, high = sorted((mean + deviation * a, mean + deviation * b))
+    assume((high - low) / deviation > 0.1)
+    (sample,) = draws.Normal(normal=(mean, deviation), between=(low, high)).drawn([share])
+    assert isinstance(sample, float)
+    assert low <= sample <= high
+
+
+@pytest.mark.parametrize(
+    ("way", "bounds"), [("uniform", FIGURES), ("sobol", FIGURES), ("log_uniform", st.floats(1e-300, 1e300))]
+)
+@given(data=st.data(), share=SHARES)
+def test_samples_of_a_range_are_in_it(
+    way: str, bounds: st.SearchStrategy[float], data: st.DataObject, share: float
+) -> None:
+    low, high = sorted((data.draw(bounds), data.draw(bounds)))
+    assume(low < high)
+    draw = draws.DRAWS[way].model_validate({way: (low, high)})
+    assert isinstance(draw, draws.Distribution)
+    (sample,) = draw.drawn([share])
+    assert isinstance(sample, float)
+    assert low <= sample <= high
+
+
+@given(st.integers(-(2**52), 2**52), st.integers(-(2**52), 2**52), SHARES)
+def test_whole_numbers_are_in_their_range(one: int, other: int, share: float) -> None:
+    low, high = sorted((one, other))
+    assume(low < high)
+    draw = draws.Integers(integers=(low, high))
+    first, sample, last = draw.drawn([0.0, share, 1 - 2**-53])
+    assert isinstance(sample, int)
+    assert first == low <= sample <= high == last
+
+
+def test_whole_numbers_are_equally_likely() -> None:
+    count = Counter(drawn(draws.Integers(integers=(-2, 5))))
+    assert sorted(count) == list(range(-2, 6))
+    squares = sum((number - COUNT / 8) ** 2 / (COUNT / 8) for number in count.values())
+    # A chi-squared of 7 degrees of freedom is larger with a probability of 1e-3.
+    assert squares < 24.3
+
+
+def test_values_are_chosen_as_often_as_their_weights_say() -> None:
+    generator = Random(2)
+    choice = draws.Choice(choice=("a", "b", "c", "d"), weights=(0, 3, 1, 0))
+    count = Counter(choice.indices(generator.random() for _ in range(COUNT)))
+    assert set(count) == {1, 2}
+    assert abs(count[1] / COUNT - 0.75) < 4 * (0.75 * 0.25 / COUNT) ** 0.5
+    even = Counter(draws.Choice(choice=("a", "b", "c")).indices(generator.random() for _ in range(COUNT)))
+    assert all(abs(even[index] / COUNT - 1 / 3) < 4 * (2 / 9 / COUNT) ** 0.5 for index in range(3))
+
+
+@given(st.lists(st.floats(0, 1e300), min_size=2, max_size=8), SHARES)
+def test_a_value_without_weight_is_never_chosen(weights: list[float], share: float) -> None:
+    assume(0 < sum(weights) < math.inf)
+    choice = draws.Choice(choice=tuple(range(len(weights))), weights=tuple(weights))
+    for index in choice.indices([0.0, share, 1 - 2**-53]):
+        assert weights[index] > 0
+
+
+@pytest.mark.parametrize(
+    ("way", "stated", "message"),
+    [
+        ("normal", {"normal": (0, 1), "between": (1, 1)}, "both bounds are 1; choose two different ones"),
+        ("normal", {"normal": (0, 1), "between": ("2", 1)}, "found [2, 1]; write [1, 2]"),
+        ("normal", {"normal": (0, 1), "between": (7, 9)}, "'between' holds 1e-12 of the normal distribution, less"),
+        ("normal", {"normal": (0, 1), "between": (-9, -7)}, "widen it, move the mean, or use 'uniform'"),
+        ("normal", {"normal": (0, 1), "between": (1e300, 1e301)}, "'between' holds 0 of the normal distribution"),
+        ("normal", {"normal": (0, 1), "between": (0, 1e-12)}, "'between' holds 4e-13 of the normal distribution"),
+        ("normal", {"normal": (0, 1), "between": (0, math.nan)}, "expected a finite number or quantity, found nan"),
+        ("normal", {"normal": ("0 m", "1 m"), "between": ("0 s", "1 m")}, "of the same dimension as m; found '0 s'"),
+        ("normal", {"normal": ("0 m", "1 m"), "between": (-1, 1)}, "units of the same dimension as m; found -1"),
+        ("normal", {"normal": (0, 1), "between": ("0 m", 1)}, "must have no unit, like the mean; found '0 m'"),
+        ("normal", {"normal": (0, 1e308)}, "samples would be larger than any number; choose a smaller standard"),
+        ("normal", {"normal": (-1.79e308, 1e306)}, "samples would be larger than any number"),
+        ("uniform", {"uniform": (math.nan, 1)}, "expected a finite number or quantity, found nan"),
+        ("log_uniform", {"log_uniform": (0, 1)}, "must be above 0; found [0, 1]; use 'uniform' for a range with 0"),
+        ("log_uniform", {"log_uniform": ("-1 m", "1 m")}, "both bounds must be above 0"),
+        ("log_uniform", {"log_uniform": (2, 1)}, "must be below the second; found [2, 1]; write [1, 2]"),
+        ("sobol", {"sobol": ("1 m", "5 s")}, "both figures must have units of one dimension, or none"),
+        ("integers", {"integers": (3, 3)}, "both bounds are 3; choose two different ones, or list the value: [3]"),
+        ("integers", {"integers": (3, 1)}, "must be below the second; found [3, 1]; write [1, 3]"),
+        ("integers", {"integers": (0, 2.5)}, "Input should be a valid integer"),
+        ("integers", {"integers": (0, 2**60)}, "less than or equal to 4503599627370496"),
+        ("choice", {"choice": ("a",)}, "'choice' needs at least two values, found 1; a list can have a single one"),
+        ("choice", {"choice": ("a", "b"), "weights": (1,)}, "one number for each of the 2 values, found 1"),
+        ("choice", {"choice": ("a", "b"), "weights": (1, -1)}, "'weights' must be finite and not negative, found -1"),
+        ("choice", {"choice": ("a", "b"), "weights": (1, math.nan)}, "must be finite and not negative, found nan"),
+        ("choice", {"choice": ("a", "b"), "weights": (1, math.inf)}, "must be finite and not negative, found inf"),
+        ("choice", {"choice": ("a", "b"), "weights": (0, 0)}, "the sum of 'weights' must be finite and above 0"),
+        ("choice", {"choice": ("a", "b"), "weights": (1e308, 1e308)}, "the sum of 'weights' must be finite"),
+    ],
+)
+def test_draws_that_cannot_be(way: str, stated: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        draws.DRAWS[way].model_validate(stated)
+    assert message in refused.value.errors()[0]["msg"]
+
+
+def test_bounds_of_a_normal_distribution_have_the_unit_of_its_mean_or_none_for_0() -> None:
+    plain, other = (
+        list(draws.Normal(normal=("0 m", "5 cm"), between=between).drawn([0.1, 0.9]))
+        for between in (("-1 cm", "10 cm"), ("-10 mm", "0.1 m"))
+    )
+    assert plain == other
+    assert list(draws.Normal(normal=("3 cm", "5 cm"), between=(0, "1 m")).drawn([0.0])) == ["0.0 cm"]
 
 
 PAGE = Path(__file__).parents[3] / "docs/scenario/variations.md"
