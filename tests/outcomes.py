@@ -96,7 +96,7 @@ def unjudged(file: str) -> Outcome:
     return made.model_copy(update={"status": "not_exercised", "expectations": (expected,)})
 
 
-def as_former_version(path: Path, end: str = "nobody left", version: int = 1) -> None:
+def as_former_version(path: Path, end: str | None = "nobody left", version: int = 1) -> None:
     """Rewrite a results.json in a former version of its format; version 1 has the former value of `end`."""
     document = json.loads(path.read_text())
     document["version"] = version

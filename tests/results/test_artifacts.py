@@ -64,12 +64,9 @@ def results_folder(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_trace_is_found_beside_its_results(results_folder: Path) -> None:
+def test_a_trace_is_found_beside_its_results_also_behind_a_link(results_folder: Path, tmp_path: Path) -> None:
     for name in ("traces/a.npz", "./traces//a.npz", "traces/../traces/a.npz"):
         assert artifacts.stored_file(results_folder, name) == (results_folder / "traces" / "a.npz").resolve()
-
-
-def test_it_is_found_if_the_folder_itself_is_behind_a_link(results_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(results_folder)
     assert artifacts.stored_file(tmp_path / "link", "traces/a.npz") == (results_folder / "traces" / "a.npz").resolve()
 
@@ -108,37 +105,37 @@ RUN = Outcome(name="a", file="a.sim.yml", status="passed", trace="traces/a.npz")
 WHOLE = RUN.model_copy(update={"replay": "replays/a.json.gz", "recordings": ("recordings/a.mcap", "recordings/a.csv")})
 
 
-def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(tmp_path: Path) -> None:
-    shard, merged = tmp_path / "shard", tmp_path / "merged"
+def write_files(folder: Path) -> list[str]:
+    """Write the files that the outcome names."""
     names = ["traces/a.npz", "replays/a.json.gz", "recordings/a.mcap", "recordings/a.csv"]
     for name in names:
-        (shard / name).parent.mkdir(parents=True, exist_ok=True)
-        (shard / name).write_text(name)
-    files = artifacts.stored_files_of(WHOLE, shard)
-    assert files == [
-        artifacts.StoredFile("trace", names[0], shard / names[0]),
-        artifacts.StoredFile("replay", names[1], shard / names[1]),
-        artifacts.StoredFile("recording", names[2], shard / names[2]),
-        artifacts.StoredFile("recording", names[3], shard / names[3]),
-    ]
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    return names
+
+
+def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(tmp_path: Path) -> None:
+    shard, merged = tmp_path / "shard", tmp_path / "merged"
+    names = write_files(shard)
+    kinds = ("trace", "replay", "recording", "recording")
+    files = [(file.kind, file.name, file.source) for file in artifacts.stored_files_of(WHOLE, shard)]
+    assert files == [(kind, name, shard / name) for kind, name in zip(kinds, names, strict=True)]
     merged.mkdir()
-    found = artifacts.with_copied_files(WHOLE, files, merged / "traces/a-2.npz", merged)
+    found = copied(WHOLE, shard, merged, "traces/a-2.npz")
     new = [found.trace, found.replay, *found.recordings]
     assert new == ["traces/a-2.npz", "replays/a-2.json.gz", "recordings/a-2.mcap", "recordings/a-2.csv"]
     assert [(merged / str(name)).read_text() for name in new] == names
     assert found.notes == ()
 
 
-def test_the_replay_of_a_repetition_is_not_copied_and_not_named(tmp_path: Path) -> None:
+def copied(outcome: Outcome, source: Path | None, target: Path, name: str = "traces/a.npz") -> Outcome:
+    return artifacts.with_copied_files(outcome, artifacts.stored_files_of(outcome, source), target / name, target)
+
+
+def test_what_an_outcome_does_not_name_is_not_missed_and_a_replay_of_a_repetition_not_copied(tmp_path: Path) -> None:
     repeats = Repeats(count=3, agreed=2, digests=2, replay="replays/a-run-2.json.gz")
     flaky = WHOLE.model_copy(update={"repeats": repeats})
-    found = artifacts.with_copied_files(
-        flaky, artifacts.stored_files_of(flaky, tmp_path), tmp_path / "traces/a.npz", tmp_path
-    )
-    assert found.repeats == Repeats(count=3, agreed=2, digests=2)
-
-
-def test_what_an_outcome_does_not_name_is_not_missed(tmp_path: Path) -> None:
+    assert copied(flaky, tmp_path, tmp_path).repeats == Repeats(count=3, agreed=2, digests=2)
     assert [file.kind for file in artifacts.stored_files_of(RUN, tmp_path)] == ["trace"]
     assert artifacts.stored_files_of(RUN.model_copy(update={"trace": None}), tmp_path) == []
 
@@ -146,9 +143,7 @@ def test_what_an_outcome_does_not_name_is_not_missed(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_noted(tmp_path: Path) -> None:
     other = WHOLE.model_copy(update={"recordings": ("recordings/a.exe",)})
     for folder in (tmp_path, None):
-        found = artifacts.with_copied_files(
-            other, artifacts.stored_files_of(other, folder), tmp_path / "traces/a.npz", tmp_path
-        )
+        found = copied(other, folder, tmp_path)
         assert (found.trace, found.replay, found.recordings) == (None, None, ())
         assert found.notes == (
             "its trace traces/a.npz was not found next to the results of its shard",
@@ -159,23 +154,17 @@ def test_a_file_that_is_not_there_is_noted(tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_copied_is_a_note(tmp_path: Path) -> None:
     folder, merged = tmp_path / "one", tmp_path / "merged"
-    for name in (WHOLE.trace or "", WHOLE.replay or "", *WHOLE.recordings):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(name)
+    write_files(folder)
     (merged / "traces/a-2.npz").mkdir(parents=True)
     (merged / "replays").touch()
-    found = artifacts.with_copied_files(
-        WHOLE, artifacts.stored_files_of(WHOLE, folder), merged / "traces/a-2.npz", merged
-    )
+    found = copied(WHOLE, folder, merged, "traces/a-2.npz")
     assert (found.trace, found.replay) == (None, None)
     assert [Path(name).parent.name for name in found.recordings] == ["recordings"] * len(WHOLE.recordings)
     assert found.notes == ("trace: is a directory", "replay: file exists")
 
 
 def test_files_that_exist_stay_named(tmp_path: Path) -> None:
-    for name in (WHOLE.trace or "", WHOLE.replay or "", *WHOLE.recordings):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(name)
+    write_files(tmp_path)
     assert artifacts.with_existing_files(WHOLE, tmp_path) is WHOLE
 
 

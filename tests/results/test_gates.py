@@ -24,14 +24,8 @@ EARLY = {"stop_early": {"reject": 0.85, "accept": 0.95}}
 
 
 def planned(gate: dict[str, Any], runs: int) -> PlannedGate:
-    return PlannedGate(
-        name="slip",
-        file="a.sim.yml",
-        location=Location("a.sim.yml", 9),
-        group="slip",
-        gate=Gate.model_validate(gate),
-        runs=runs,
-    )
+    place, claims = Location("a.sim.yml", 9), Gate.model_validate(gate)
+    return PlannedGate(name="slip", file="a.sim.yml", location=place, group="slip", gate=claims, runs=runs)
 
 
 def run(status: Status = "passed", value: float | None = 1.5, kind: str = "crash") -> Outcome:
@@ -185,11 +179,9 @@ def test_a_quantile_by_order_statistics() -> None:
     told = quantile({"at_least": "1.4 m"}, values).verdict
     assert (told.measured, told.limit, told.unit) == (1.4, 1.4, "m")
     assert told.message.startswith("59 runs; with 95 % confidence the 5 % quantile is at least 1.4 m and at most 1.4")
-
-
-def test_a_limit_without_a_unit_is_in_that_of_the_value() -> None:
-    found = quantile({"at_least": 1.4}, [1.5] * 59)
-    assert (found.name, found.status) == ("5 % quantile of travel.measured at least 1.4 m", "passed")
+    # A limit without a unit is in that of the value.
+    plain = quantile({"at_least": 1.4}, [1.5] * 59)
+    assert (plain.name, plain.status) == ("5 % quantile of travel.measured at least 1.4 m", "passed")
 
 
 @pytest.mark.parametrize(
@@ -230,9 +222,8 @@ def test_values_that_are_not_known() -> None:
 
 
 def test_the_bounds_of_the_rate_have_the_confidence_of_the_first_quantile() -> None:
-    claims = [
-        {"of": "travel.measured", "q": "50 %", "at_least": "1 m", "confidence": each} for each in ("90 %", "80 %")
-    ]
+    claim = {"of": "travel.measured", "q": "50 %", "at_least": "1 m"}
+    claims = [claim | {"confidence": confidence} for confidence in ("90 %", "80 %")]
     statistics = judged_gate(planned({"quantile": claims}, 100), [PASS] * 100).statistics
     assert statistics is not None
     assert statistics.confidence == 0.9

@@ -62,6 +62,9 @@ def test_each_final_outcome_is_in_the_file_at_once(tmp_path: Path) -> None:
     assert [each.status for each in results.outcomes] == ["error", "passed", "error"]
     assert results.outcomes[1] == outcome("b")
     assert results.exit_code is ExitCode.INTERRUPTED
+    # Results so far are those that are final.
+    journal(Finished(0, outcome("a")))
+    assert [final.name for final in read_journal(tmp_path).results_so_far().outcomes] == ["a", "b"]
 
 
 def test_results_from_the_file_are_those_of_the_call(tmp_path: Path) -> None:
@@ -90,9 +93,7 @@ def test_unfinished_scenarios(tmp_path: Path) -> None:
     journal(RunEnded(0, 2, outcome("a", FAILED), is_one_of_several=True))
     (failure,) = read_journal(tmp_path).results().outcomes[0].failures
     assert failure.message.endswith("scenario ended; run 1 passed; run 2 ended in an error (SIGSEGV: it crashed)")
-
-
-def test_an_interrupted_scenario_has_no_outcome_in_the_file(tmp_path: Path) -> None:
+    # An interrupted scenario has no outcome in the file.
     journal = begun(tmp_path)
     journal(Finished(0, outcome("a", INTERRUPTED)))
     assert journal.close().outcomes[0].failures == (INTERRUPTED,)
@@ -160,13 +161,10 @@ def test_a_journal_without_a_header_is_refused(tmp_path: Path, text: str) -> Non
     assert manifest(tmp_path) == ()
 
 
-def test_no_journal_is_refused(tmp_path: Path) -> None:
+def test_the_manifest_lists_the_files_of_the_call_and_no_journal_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"results\.jsonl is not a valid journal: no such file"):
         read_journal(tmp_path)
     assert manifest(tmp_path) == ()
-
-
-def test_the_manifest_lists_the_files_of_the_call(tmp_path: Path) -> None:
     Journal(tmp_path, header(files=("results.json", "traces/a.npz")), unheard, 0.0)
     assert manifest(tmp_path) == ("results.json", "traces/a.npz")
 
@@ -318,14 +316,6 @@ def test_each_look_finds_what_is_new(tmp_path: Path) -> None:
     assert follower.recorded.results() == read_journal(tmp_path).results()
 
 
-def test_results_so_far_are_those_that_are_final(tmp_path: Path) -> None:
-    journal = begun(tmp_path)
-    journal(Finished(2, outcome("c")))
-    journal(Finished(1, outcome("b")))
-    recorded = read_journal(tmp_path)
-    assert [each.name for each in recorded.results_so_far().outcomes] == ["b", "c"]
-
-
 def test_an_unfinished_line_is_read_once_it_is_finished(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     journal(Finished(0, outcome("a")))
@@ -363,11 +353,8 @@ def test_another_call_with_the_same_inode_is_noticed(tmp_path: Path) -> None:
     begun(tmp_path)(Finished(0, outcome("a")))
     follower = JournalFollower(tmp_path)
     assert finished(follower) == [0]
-    other = (
-        path.read_bytes()
-        .replace(b'"place":0', b'"place":2')
-        .replace(b'"name":"a","file":"s.sim.yml","status', b'"name":"c","file":"s.sim.yml","status')
-    )
+    other = path.read_bytes().replace(b'"place":0', b'"place":2')
+    other = other.replace(b'"name":"a","file":"s.sim.yml","status', b'"name":"c","file":"s.sim.yml","status')
     with path.open("r+b") as file:
         file.write(other)
     assert finished(follower) == [2]

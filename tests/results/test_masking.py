@@ -53,6 +53,9 @@ def test_values_that_are_masked() -> None:
     assert Mask.of({"A": "x" * (MIN_CHARS - 1)}, ("A",)).text("xxxx") == "xxxx"
     assert Mask.of({"A": "x" * MIN_CHARS}, ("A",)).text("xxxx") == "***"
     assert Mask.of({"A": "1234", "B": "123456"}, ("A", "B")).text("123456 1234") == "*** ***"
+    # Each line of a value is masked.
+    mask = Mask.of({"A": "-----BEGIN\nabcdef\n}\n"}, ("A",))
+    assert mask.text("abcdef } -----BEGIN") == "*** } ***"
 
 
 @given(st.text(min_size=MIN_CHARS).filter(lambda text: len(text.strip()) >= MIN_CHARS))
@@ -62,16 +65,10 @@ def test_values_and_their_escaped_forms_are_masked(value: str) -> None:
         assert mask.text(f"<{form}>") == "<***>"
 
 
-def test_each_line_of_a_value_is_masked() -> None:
-    mask = Mask.of({"A": "-----BEGIN\nabcdef\n}\n"}, ("A",))
-    assert mask.text("abcdef } -----BEGIN") == "*** } ***"
-
-
 def test_a_replay_is_masked(tmp_path: Path) -> None:
     path, mask = tmp_path / "r.json.gz", Mask.of({"A": SECRET}, ("A",))
-    path.write_bytes(
-        gzip.compress(f'{{"name": "a {SECRET}", "joint_names": ["{SECRET}"], "kind": "{SECRET}"}}'.encode())
-    )
+    stored = {"name": f"a {SECRET}", "joint_names": [SECRET], "kind": SECRET}
+    path.write_bytes(gzip.compress(json.dumps(stored).encode()))
     mask.replay(path)
     replay = json.loads(gzip.decompress(path.read_bytes()))
     assert replay == {"name": "a ***", "joint_names": ["***"], "kind": SECRET}
@@ -99,9 +96,7 @@ def test_a_missing_variable_is_explained(message: str, monkeypatch: pytest.Monke
     assert missing_variable(message, ["MAP_URL"]) is None
     assert missing_variable(message) == "MAP_URL"
     (failure,) = Mask().outcome(outcome(message)).failures
-    assert failure.message.startswith(
-        f"{message}; the variable MAP_URL exists, but code of the repository does not see"
-    )
+    assert failure.message.startswith(f"{message}; the variable MAP_URL exists, but code of the repository does not")
     assert "--pass-env MAP_URL" in failure.message
     assert "environment:" in failure.message
     assert "\n" not in failure.message

@@ -16,7 +16,7 @@ from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.claims import AuditWarning
-from tests.scenarios import LEAST, load
+from tests.scenarios import LEAST, expecting, load
 
 PASSED, FAILED, NEVER = Verdict(True, judged=Judged(1, 0.0, 0.0)), Verdict(False), Verdict(False, judged=Judged())
 
@@ -53,28 +53,16 @@ def test_places_of_what_is_missing() -> None:
 
 
 def test_an_invalid_file_has_a_failure_for_each_problem() -> None:
-    error = InvalidScenario(
-        [Problem(Location("x/a.sim.yml", 1, 2), "first"), Problem(Location("x/a.sim.yml"), "second")]
-    )
-    made = Outcome.of_invalid("x/a.sim.yml", error)
-    assert (made.name, made.file, made.status, made.exit_code) == (
-        "a.sim.yml",
-        "x/a.sim.yml",
-        "error",
-        ExitCode.INVALID,
-    )
+    problems = [Problem(Location("x/a.sim.yml", 1, 2), "first"), Problem(Location("x/a.sim.yml"), "second")]
+    made = Outcome.of_invalid("x/a.sim.yml", InvalidScenario(problems))
+    assert (made.name, made.file) == ("a.sim.yml", "x/a.sim.yml")
+    assert (made.status, made.exit_code) == ("error", ExitCode.INVALID)
     assert [failure.message for failure in made.failures] == ["first", "second"]
 
 
 def test_what_another_expectation_cut_off_comes_last() -> None:
     first, second, third = (
-        ExpectationOutcome(
-            name=name,
-            assertion="travel",
-            severity="error",
-            location=Location("a.sim.yml", 9, 5),
-            verdict=Verdict(False, cut_off=cut_off),
-        )
+        expectation(Verdict(False, message=name, cut_off=cut_off))
         for name, cut_off in (("far", True), ("near", False), ("gentle", False))
     )
     made = Outcome(name="a", file="a.sim.yml", status="failed", expectations=(first, second, third))
@@ -197,7 +185,7 @@ def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(c
 )
 def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: Scope, tmp_path: Path) -> None:
     world = "world: {objects: [{name: a, box: [1, 1, 1], pose: {x: 5}}, {name: b, box: [1, 1, 1], pose: {x: 9}}]}\n"
-    loaded = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + world)
+    loaded = load(tmp_path, expecting(expect) + world)
     found = Scope.of(loaded.scenario.expect[0], loaded.scenario)
     assert found.model_copy(update={"stated": {}, "end": None}) == scope
 
@@ -212,17 +200,15 @@ def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: S
         ("upright\n  - travel: {at_least: 1 m}", "", None),
     ],
 )
-def test_the_end_of_a_scope_is_the_latest_one_of_the_run(
-    expect: str, more: str, end: float | None, tmp_path: Path
-) -> None:
-    scenario = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + more).scenario
+def test_the_end_of_a_scope_is_the_latest_of_the_run(expect: str, more: str, end: float | None, tmp_path: Path) -> None:
+    scenario = load(tmp_path, expecting(expect) + more).scenario
     assert Scope.of(scenario.expect[0], scenario).end == end
 
 
 def test_scopes_of_combinations_and_pairs(tmp_path: Path) -> None:
     # A scope has what each part of a combination states.
     parts = "any_of: [{travel: {at_least: 50 cm}}, upright, {stay_within: {y: [-0.1, 0.1]}}]"
-    scenario = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", parts)).scenario
+    scenario = load(tmp_path, expecting(parts)).scenario
     assert Scope.of(scenario.expect[0], scenario).stated == {
         "0": "travel",
         "0.travel.at_least": 0.5,

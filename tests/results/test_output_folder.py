@@ -167,9 +167,7 @@ def test_the_lock_of_a_folder(tmp_path: Path) -> None:
     with locked(folder):
         shutil.rmtree(folder)
     assert not folder.exists()
-
-
-def test_a_lock_file_of_another_call_stays(tmp_path: Path) -> None:
+    # A lock file of another call stays.
     with locked(tmp_path):
         (tmp_path / LOCK_FILE).unlink()
         (tmp_path / LOCK_FILE).write_text("another\n")
@@ -328,38 +326,14 @@ def test_the_process_of_a_lock_with_a_reserve_is_named(tmp_path: Path) -> None:
 
 
 OURS = (
-    "results.json",
-    "junit.xml",
-    "report.html",
-    "traces/a.npz",
-    "replays/a.json.gz",
-    "recordings/a.mcap",
-    "recordings/a-2.tum",
+    *("results.json", "junit.xml", "report.html"),
+    *("traces/a.npz", "replays/a.json.gz", "recordings/a.mcap", "recordings/a-2.tum"),
 )
 STRANGE = (
-    "",
-    ".",
-    "..",
-    "a.sim.yml",
-    "results.json/",
-    "./results.json",
-    "../results.json",
-    "traces",
-    "traces/",
-    "traces/.npz",
-    "traces/a.yml",
-    "traces/../a.npz",
-    "traces/deep/a.npz",
-    "traces\\a.npz",
-    "traces//a.npz",
-    "replays/a.npz",
-    "recordings/a.py",
-    "other/a.npz",
-    "/etc/passwd",
-    "traces/a\0.npz",
-    "traces/" + "x" * 300 + ".npz",
-    ".gitignore",
-    "x" * 5000,
+    *("", ".", "..", "a.sim.yml", "results.json/", "./results.json", "../results.json", "traces", "traces/"),
+    *("traces/.npz", "traces/a.yml", "traces/../a.npz", "traces/deep/a.npz", "traces\\a.npz", "traces//a.npz"),
+    *("replays/a.npz", "recordings/a.py", "other/a.npz", "/etc/passwd", "traces/a\0.npz", ".gitignore"),
+    *("traces/" + "x" * 300 + ".npz", "x" * 5000),
 )
 
 

@@ -131,26 +131,16 @@ def test_what_is_no_results_file_is_a_usage_error_of_one_line(tmp_path: Path, te
 def test_results_of_the_former_version_are_read_with_the_values_of_today(
     tmp_path: Path, former: str | None, end: str | None
 ) -> None:
-    given = of_call(made(), made(kind="crash"))
-    path = given.write(tmp_path)
-    written = json.loads(path.read_text())
-    written |= {"version": 1, "some": True}
-    del written["selected"]
-    written["outcomes"][0]["end"] = former
-    path.write_text(json.dumps(written))
-    first = given.outcomes[0].model_copy(update={"end": end})
-    assert Results.read(path) == given.model_copy(update={"selected": True, "outcomes": (first, given.outcomes[1])})
+    written = of_call(made(), made(kind="crash")).model_copy(update={"selected": True})
+    path = written.write(tmp_path)
+    as_former_version(path, former)
+    outcomes = tuple(outcome.model_copy(update={"end": end}) for outcome in written.outcomes)
+    assert Results.read(path) == written.model_copy(update={"outcomes": outcomes})
 
 
 def test_results_of_version_2_are_read_and_keep_their_status(tmp_path: Path) -> None:
-    given = of_call(made(), made(passed=False))
-    path = given.write(tmp_path)
-    written = json.loads(path.read_text())
-    written["version"] = 2
-    for before in written["outcomes"]:
-        for expected in before["expectations"]:
-            del expected["unexercised"], expected["verdict"]["judged"]
-    path.write_text(json.dumps(written))
+    path = results(outcome("a.sim.yml"), outcome("b.sim.yml", holds=False)).write(tmp_path)
+    as_former_version(path, version=2)
     assert [outcome.status for outcome in Results.read(path).outcomes] == ["passed", "failed"]
 
 
@@ -169,12 +159,11 @@ def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None
         file.truncate(64_000_001)
     with pytest.raises(UsageError, match="it is larger than 64 MB"):
         Results.read(path)
-
-
-def test_a_pipe_is_no_results_file(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "results.json")
+    # Nor is a pipe.
+    path.unlink()
+    os.mkfifo(path)
     with pytest.raises(UsageError, match="not a regular file"):
-        Results.read(tmp_path / "results.json")
+        Results.read(path)
 
 
 @pytest.mark.parametrize(("total", "code"), [(2, ExitCode.PASSED), (0, ExitCode.NO_SCENARIO)])
@@ -269,42 +258,38 @@ def test_links_and_broken_files(shards: Path) -> None:
     assert refused("shards").startswith("shards/1/results.json is not a valid results file: Invalid JSON: EOF")
 
 
-@pytest.mark.parametrize(
-    ("change", "place"),
-    [
-        ({"name": "x" * 200_001}, "outcomes.0.name"),
-        ({"notes": ["short", "x" * 200_001]}, "outcomes.0.notes.1"),
-        (
-            {
-                "failures": [
-                    {
-                        "kind": "crash",
-                        "title": "",
-                        "message": "",
-                        "location": {"file": "x" * 200_001, "line": 1, "column": 1},
-                    }
-                ]
-            },
-            "outcomes.0.failures.0.location.file",
-        ),
-        (
-            {"surroundings": {"allowed": [], "stated": {"world.x": "x" * 200_001}}},
-            "outcomes.0.surroundings.stated.world.x",
-        ),
-        ({"surroundings": {"allowed": [], "stated": {"\\" * 200_001: 1}}}, "outcomes.0.surroundings.stated"),
-    ],
-)
-def test_texts_have_a_limit(shards: Path, change: dict[str, object], place: str) -> None:
-    path = shards / "1" / "results.json"
+def refused_with(change: dict[str, object]) -> str:
+    """Why the first shard is refused after a change of its outcome."""
+    path = Path("shards/1/results.json")
     written = json.loads(path.read_text())
     written["outcomes"][0] |= change
     path.write_text(json.dumps(written))
-    message = refused("shards/1")
-    assert message.startswith(f"shards/1/results.json is not a valid results file: {place}")
+    return refused("shards/1")
+
+
+LONG = "x" * 200_001
+PLACE = {"file": LONG, "line": 1, "column": 1}
+
+
+@pytest.mark.usefixtures("shards")
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        ({"name": LONG}, "name"),
+        ({"notes": ["short", LONG]}, "notes.1"),
+        ({"failures": [{"kind": "crash", "title": "", "message": "", "location": PLACE}]}, "failures.0.location.file"),
+        ({"surroundings": {"allowed": [], "stated": {"world.x": LONG}}}, "surroundings.stated.world.x"),
+        ({"surroundings": {"allowed": [], "stated": {"\\" * 200_001: 1}}}, "surroundings.stated"),
+    ],
+)
+def test_texts_have_a_limit(change: dict[str, object], place: str) -> None:
+    message = refused_with(change)
+    assert message.startswith(f"shards/1/results.json is not a valid results file: outcomes.0.{place}")
     assert "200000 characters" in message
     assert len(message) < 300
 
 
+@pytest.mark.usefixtures("shards")
 @pytest.mark.parametrize(
     "change",
     [
@@ -314,12 +299,8 @@ def test_texts_have_a_limit(shards: Path, change: dict[str, object], place: str)
         {"failures": [{"kind": "crash", "title": "t", "message": "m"}]},
     ],
 )
-def test_what_contradicts_itself_is_not_believed(shards: Path, change: dict[str, object]) -> None:
-    path = shards / "1" / "results.json"
-    written = json.loads(path.read_text())
-    written["outcomes"][0] |= change
-    path.write_text(json.dumps(written))
-    assert refused("shards/1") == (
+def test_what_contradicts_itself_is_not_believed(change: dict[str, object]) -> None:
+    assert refused_with(change) == (
         "shards/1/results.json is not a valid results file: the status of '1.sim.yml' contradicts its failures "
         "or expectations"
     )

@@ -32,11 +32,8 @@ def test_shards_as_they_are_typed_and_dealt() -> None:
     with pytest.raises(InvalidPart, match="there is no shard 3 of 2"):
         Shard(index=3, count=2, total=9)
     # Every n th beginning with the i th.
-    assert [Shard(index=i, count=3, total=7).dealt("abcdefg") for i in (1, 2, 3)] == [
-        list("adg"),
-        list("be"),
-        list("cf"),
-    ]
+    dealt = [Shard(index=i, count=3, total=7).dealt("abcdefg") for i in (1, 2, 3)]
+    assert dealt == [list("adg"), list("be"), list("cf")]
     assert Shard(index=3, count=3, total=2).dealt("ab") == []
 
 
@@ -204,25 +201,19 @@ def test_scenarios_without_results() -> None:
     # What was named and holds nothing is an error unless it is one already.
     known = results(outcome("a"), Outcome.of_nothing("nope*"))
     entries = merge_shards(files(known), listed("a", empty=("nope*", "new*")))
-    assert [(entry.outcome.file, entry.origin is None) for entry in entries] == [
-        ("a", False),
-        ("nope*", False),
-        ("new*", True),
-    ]
+    lost = [(entry.outcome.file, entry.origin is None) for entry in entries]
+    assert lost == [("a", False), ("nope*", False), ("new*", True)]
     assert entries[-1].outcome.exit_code is ExitCode.INVALID
     # If no shard has left anything all that is listed is an error that says so.
     entries = merge_shards([], listed("b", "a", empty=("nope*",)))
-    assert [(entry.outcome.file, entry.outcome.status) for entry in entries] == [
-        ("b", "error"),
-        ("a", "error"),
-        ("nope*", "error"),
-    ]
+    statuses = [(entry.outcome.file, entry.outcome.status) for entry in entries]
+    assert statuses == [(name, "error") for name in ("b", "a", "nope*")]
     assert [failure.message for failure in entries[0].outcome.failures] == [
         "no shard returned any results; check the jobs that should have run the scenarios"
     ]
     # An outcome that is of no file is not taken for the current folder.
-    lost = merge_shards(sharded(["a", "b"], 2)[:1], None)[-1].outcome
-    entries = merge_shards(files(results(outcome("a"), lost)), listed("a", empty=(".",)))
+    missing = merge_shards(sharded(["a", "b"], 2)[:1], None)[-1].outcome
+    entries = merge_shards(files(results(outcome("a"), missing)), listed("a", empty=(".",)))
     assert [entry.outcome.file for entry in entries] == ["a", ".", ""]
 
 
@@ -250,12 +241,11 @@ SPELLINGS = [
 @pytest.mark.parametrize("second", SPELLINGS)
 @pytest.mark.parametrize("first", SPELLINGS)
 def test_the_same_scenario_is_the_same_however_it_is_spelled(first: str, second: str) -> None:
-    told = refused(files(results(outcome(first)), results(outcome(second))))
-    assert (
-        told == f"both 1/results.json and 2/results.json contain results of {second}; each scenario may occur only once"
-    )
-    told = refused(files(results(outcome("a"), outcome(first), outcome(second))))
-    assert told == f"1/results.json contains results of {second} twice; each scenario may occur only once"
+    once = "each scenario may occur only once"
+    message = refused(files(results(outcome(first)), results(outcome(second))))
+    assert message == f"both 1/results.json and 2/results.json contain results of {second}; {once}"
+    message = refused(files(results(outcome("a"), outcome(first), outcome(second))))
+    assert message == f"1/results.json contains results of {second} twice; {once}"
     assert names(files(results(outcome(first))), listed(second)) == [first]
 
 
@@ -333,13 +323,10 @@ def test_scenarios_of_one_file() -> None:
     # Scenarios of one file may be in several results each in one.
     parts = files(results(*spread("a", 1, 3), outcome("b")), results(*spread("a", 2)))
     assert units(parts) == [("a", 1), ("a", 2), ("a", 3), ("b", None)]
-    told = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
-    assert (
-        told
-        == "both 1/results.json and 2/results.json contain results of 'a' in ./a; each scenario may occur only once"
-    )
-    told = refused(files(results(*spread("a", 1, 1))))
-    assert told == "1/results.json contains results of 'a' in a twice; each scenario may occur only once"
+    message = refused(files(results(*spread("a", 1, 3)), results(*spread("./a", 3))))
+    assert message.startswith("both 1/results.json and 2/results.json contain results of 'a' in ./a; each scenario ")
+    message = refused(files(results(*spread("a", 1, 1))))
+    assert message == "1/results.json contains results of 'a' in a twice; each scenario may occur only once"
     # Of a file what has no result is missing by its own name.
     sweep = [source("a", number, f"push[x={number}]", group="push") for number in (1, 2, 3)]
     listing = Listing([*sweep, source("a", 4, "stand")], [])
@@ -365,10 +352,9 @@ def test_runs_on_engines_and_variations() -> None:
     broken = Outcome.of_refused(replace(sweep[0], line=4).refused(InvalidScenario([])))
     assert (broken.name, broken.number, broken.line) == ("push", 1, 4)
     failure = Failure(kind="invalid", title="invalid scenario", message="no robot")
-    told = broken.model_copy(update={"failures": (failure,)})
-    assert [
-        entry.origin is None for entry in merge_shards(files(results(told)), Listing([*sweep, source("a", 4)], []))
-    ] == [False, True]
+    failed = files(results(broken.model_copy(update={"failures": (failure,)})))
+    entries = merge_shards(failed, Listing([*sweep, source("a", 4)], []))
+    assert [entry.origin is None for entry in entries] == [False, True]
 
 
 def test_a_gate_is_that_of_its_scenario() -> None:
@@ -383,18 +369,16 @@ def test_a_gate_is_that_of_its_scenario() -> None:
 
 def test_each_outcome_has_the_folder_of_its_files(tmp_path: Path) -> None:
     for index in (1, 2):
-        stored(tmp_path / f"{index}", results(outcome(f"{index}.sim.yml"), shard=(index, 2, 2)))
-    found = read_run(str(tmp_path))
-    assert [each.file for each in found.outcomes] == ["1.sim.yml", "2.sim.yml"]
-    assert [found.folders[id(each)] for each in found.outcomes] == [tmp_path / "1", tmp_path / "2"]
-
-
-def test_a_gate_is_judged_and_has_no_files(tmp_path: Path) -> None:
+        stored(tmp_path / "shards" / f"{index}", results(outcome(f"{index}.sim.yml"), shard=(index, 2, 2)))
+    whole = read_run(str(tmp_path / "shards"))
+    assert [run.file for run in whole.outcomes] == ["1.sim.yml", "2.sim.yml"]
+    assert [whole.folders[id(run)] for run in whole.outcomes] == [tmp_path / "shards/1", tmp_path / "shards/2"]
+    # A gate is judged, and has no files.
     planned = planned_gate(runs=3)
     stored(tmp_path / "old", gate_results(planned, *runs_of_gate(planned, passed=3)))
-    found = read_run(str(tmp_path / "old"))
-    assert [each.statistics is not None for each in found.outcomes] == [True, False, False, False]
-    assert [id(each) in found.folders for each in found.outcomes] == [False, True, True, True]
+    whole = read_run(str(tmp_path / "old"))
+    assert [run.statistics is not None for run in whole.outcomes] == [True, False, False, False]
+    assert [id(run) in whole.folders for run in whole.outcomes] == [False, True, True, True]
 
 
 def test_what_is_not_there_is_told(tmp_path: Path) -> None:
@@ -403,9 +387,7 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text("{}")
     with pytest.raises(UsageError, match="is not a valid results file"):
         read_run(str(tmp_path))
-
-
-def test_a_gate_without_a_place_is_told(tmp_path: Path) -> None:
+    # So is a gate without a place.
     planned = planned_gate(runs=3)
     path = gate_results(planned, *runs_of_gate(planned, passed=3)).write(tmp_path)
     written = json.loads(path.read_text())

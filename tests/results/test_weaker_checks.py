@@ -39,9 +39,8 @@ def at_most(limit: float, measured: float = 0.5, **fields: Any) -> ExpectationOu
 
 
 def outcome(*expectations: ExpectationOutcome, **fields: Any) -> Outcome:
-    return Outcome(
-        name="a", file="a.sim.yml", **{"status": status_of(expectations), "expectations": expectations, **fields}
-    )
+    judged = {"status": status_of(expectations), "expectations": expectations}
+    return Outcome(name="a", file="a.sim.yml", **judged | fields)
 
 
 def changed(old: Outcome, new: Outcome) -> Change:
@@ -190,9 +189,8 @@ def test_a_weaker_limit_accepts_more_values(drawn: tuple[Any, float, float, floa
 def test_a_default_name_that_changes_with_its_limit_is_the_same_expectation() -> None:
     old = outcome(expected("tilt", "upright"), at_least(0.3, name="at least 0.3 m"))
     change = changed(old, outcome(at_least(0.1, name="at least 0.1 m"), expected("tilt", "upright")))
-    assert [(each.kind, each.old.name, each.new and each.new.name) for each in change.weaker] == [
-        ("limit", "at least 0.3 m", "at least 0.1 m")
-    ]
+    names = [(check.kind, check.old.name, check.new and check.new.name) for check in change.weaker]
+    assert names == [("limit", "at least 0.3 m", "at least 0.1 m")]
     assert change.renamed == ()
     tighter = changed(old, outcome(expected("tilt", "upright"), at_least(0.45, name="at least 0.45 m")))
     assert [(was.name, now.name) for was, now in tighter.stricter] == [("at least 0.3 m", "at least 0.45 m")]
@@ -312,10 +310,7 @@ OF_EARLY, OF_FAR, OF_NEAR = "reject 85 %, accept 95 %", "5 % quantile at least 1
     ("old", "new", "kind", "claim", "texts"),
     [
         (NINETY_FIVE, passes("90 %"), "limit", "passes", ("at least 95 %", "at least 90 %")),
-        (
-            *(passes("99.9999 %"), passes("99.9998 %")),
-            *("limit", "passes", ("at least 99.9999 %", "at least 99.9998 %")),
-        ),
+        (passes("99.9999 %"), passes("99.9998 %"), "limit", "passes", ("at least 99.9999 %", "at least 99.9998 %")),
         (NINETY_FIVE, passes("95 %", confidence="60 %"), "confidence", "passes", ("95 %", "60 %")),
         (
             *(NINETY_FIVE, early("30 %", "60 %")),

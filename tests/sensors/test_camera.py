@@ -30,12 +30,14 @@ def image(camera: Camera, link: Pose, pose: Pose) -> CameraImage:
 
 
 def test_a_picture_has_its_time_its_size_and_its_types() -> None:
-    found = image(SMALL, Pose(), Pose((0, 0, 1)))
-    assert found.time == 1.5
-    assert (found.rgb.shape, found.depth.shape) == ((12, 16, 3), (12, 16))
-    assert (found.rgb.dtype, found.depth.dtype) == (np.dtype(np.uint8), np.dtype(np.float32))
-    assert not found.rgb.flags.writeable
-    assert not found.depth.flags.writeable
+    picture = image(SMALL, Pose(), Pose((0, 0, 1)))
+    assert picture.time == 1.5
+    assert (picture.rgb.shape, picture.depth.shape) == ((12, 16, 3), (12, 16))
+    assert (picture.rgb.dtype, picture.depth.dtype) == (np.dtype(np.uint8), np.dtype(np.float32))
+    assert not any(array.flags.writeable for array in (picture.rgb, picture.depth))
+    # The robot itself is seen. The stub has every link at the origin: the chassis reaches from 8.5 to 151.5 mm.
+    picture = image(SMALL, Pose(), Pose((-1, 0, 0.1)))
+    assert picture.depth[5:7, 7:9].tolist() == [[pytest.approx(1 - 0.102, abs=1e-6)] * 2] * 2
 
 
 DOWN = quaternion_from_rpy(0, math.pi / 2, 0)
@@ -62,12 +64,6 @@ def test_noise_scatters_each_colour_and_follows_the_seed() -> None:
 )
 def test_it_sits_on_its_link_and_is_turned_with_it(link: Pose, pose: Pose) -> None:
     assert image(SMALL, link, pose).depth.max() == pytest.approx(3)
-
-
-def test_the_robot_itself_is_seen() -> None:
-    # The stub has every link at the origin: the chassis reaches from 8.5 to 151.5 mm.
-    found = image(SMALL, Pose(), Pose((-1, 0, 0.1)))
-    assert found.depth[5:7, 7:9].tolist() == [[pytest.approx(1 - 0.102, abs=1e-6)] * 2] * 2
 
 
 def test_a_trace_keeps_pictures(tmp_path: Path) -> None:

@@ -34,11 +34,9 @@ def read(measure: Measure, time: float, probe: OneLink) -> ImuReading:
 def at_rest(imu: Imu, *, readings: int = 1000, **drawn: int | str) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) turning rates and (N, 3) accelerations."""
     measure = opened(imu, **drawn)  # type: ignore[arg-type] # the keywords of `opened`
-    told = [read(measure, step / RATE, OneLink()) for step in range(readings)]
-    return (
-        np.array([reading.angular_velocity_xyz for reading in told]),
-        np.array([reading.linear_acceleration_xyz for reading in told]),
-    )
+    several = [read(measure, step / RATE, OneLink()) for step in range(readings)]
+    turning = np.array([reading.angular_velocity_xyz for reading in several])
+    return turning, np.array([reading.linear_acceleration_xyz for reading in several])
 
 
 @pytest.mark.parametrize(
@@ -75,14 +73,9 @@ def test_an_acceleration_is_the_mean_since_the_reading_before() -> None:
 @pytest.mark.parametrize("turn", [-3.0, 0.5, 8.0])
 def test_off_the_middle_of_a_spin_it_feels_what_holds_it(turn: float) -> None:
     measure = opened(Imu(), Pose((0.2, 0.1, 0.05)))
-    told = [
-        read(
-            measure,
-            step / RATE,
-            OneLink(Pose(orientation_xyzw=quaternion_from_rpy(0, 0, turn * step / RATE)), Twist.planar(angular=turn)),
-        )
-        for step in range(50)
-    ]
+    turned = [Pose(orientation_xyzw=quaternion_from_rpy(0, 0, turn * step / RATE)) for step in range(50)]
+    probes = [OneLink(pose, Twist.planar(angular=turn)) for pose in turned]
+    told = [read(measure, step / RATE, probe) for step, probe in enumerate(probes)]
     # The mean over an arc is a little shorter than what it is everywhere on it.
     half = turn / RATE / 2
     inwards = -(turn**2) * math.sin(half) / half
@@ -128,11 +121,8 @@ def test_the_seed_and_the_name_decide_the_noise() -> None:
 
 def test_what_is_kept_is_numbers() -> None:
     columns = read(opened(Imu()), 0.0, OneLink()).columns()
-    assert {name: len(values) for name, values in columns.items()} == {
-        "orientation_xyzw": 4,
-        "angular_velocity_xyz": 3,
-        "linear_acceleration_xyz": 3,
-    }
+    names = ("orientation_xyzw", "angular_velocity_xyz", "linear_acceleration_xyz")
+    assert [(name, len(values)) for name, values in columns.items()] == list(zip(names, (4, 3, 3), strict=True))
 
 
 @pytest.mark.parametrize("key", ["gyro_noise", "gyro_bias", "accelerometer_noise", "accelerometer_bias"])

@@ -60,9 +60,9 @@ def test_it_begins_where_the_robot_is() -> None:
     (first,) = believed(Odometry(), [(0.0, 0.0)])
     assert same(first.pose, BEGINNING)
     assert first.twist.linear_xyz == first.twist.angular_xyz == (0.0, 0.0, 0.0)
-
-
-def test_a_line_leads_ahead_from_there() -> None:
+    sizes = {name: len(values) for name, values in first.columns().items()}
+    assert sizes == {"position_xyz": 3, "orientation_xyzw": 4, "linear_xyz": 3, "angular_xyz": 3}
+    # A line leads ahead from there.
     told = believed(Odometry(), steadily(0.5, 0.5))
     assert told[-1].pose.position_xyz == pytest.approx((1.0, 2.5, 0.01))
     assert told[-1].twist.linear_xyz == pytest.approx((0.5, 0.0, 0.0))
@@ -107,15 +107,12 @@ def test_encoders_count_whole_ticks() -> None:
     assert max(abs(way - 0.003 * step) for step, way in enumerate(ways)) <= tick
 
 
-def test_encoders_have_as_many_ticks_as_there_are() -> None:
-    with pytest.raises(InvalidPart, match="must be at most 1,000,000,000, found"):
-        Odometry(resolution=10**400)
-
-
 @pytest.mark.parametrize("key", ["noise", "radius_error", "separation_error"])
 def test_errors_stay_within_what_numbers_can_tell(key: str) -> None:
     with pytest.raises(ValidationError, match="less than or equal to 100"):
         Odometry.model_validate({key: 1e308})
+    with pytest.raises(InvalidPart, match="must be at most 1,000,000,000, found"):
+        Odometry(resolution=10**400)
 
 
 def test_a_state_that_is_no_longer_finite_is_left_to_the_watchdog() -> None:
@@ -140,13 +137,3 @@ def test_who_stands_does_not_drift_and_the_seed_decides() -> None:
     first, again, other = (believed(Odometry(noise=0.5), steadily(1.0, 1.0), seed=seed)[-1] for seed in (1, 1, 2))
     assert first == again
     assert first != other
-
-
-def test_what_is_kept_is_numbers() -> None:
-    (first,) = believed(Odometry(), [(0.0, 0.0)])
-    assert {name: len(values) for name, values in first.columns().items()} == {
-        "position_xyz": 3,
-        "orientation_xyzw": 4,
-        "linear_xyz": 3,
-        "angular_xyz": 3,
-    }

@@ -13,9 +13,7 @@ from sim_action.state.command import BasePush, Command, JointTargets, LinkWrench
 def test_the_names_of_targets_are_those_of_all_groups() -> None:
     targets = JointTargets(position={"a": 1}, velocity={"b": 2}, effort={"c": 3}, max_effort={"d": 4})
     assert list(targets.names()) == ["a", "b", "c"]
-
-
-def test_a_joint_with_a_position_and_its_speed_is_named_once_and_replaced_as_one() -> None:
+    # A joint with a position and its speed is named once, and replaced as one.
     moving = JointTargets(position={"a": 1}, velocity={"a": 2, "b": 3})
     assert list(moving.names()) == ["a", "b"]
     assert moving.updated_by(JointTargets(position={"a": 4})) == JointTargets(position={"a": 4}, velocity={"b": 3})
@@ -31,6 +29,10 @@ def test_joints_that_are_not_named_keep_their_target() -> None:
     earlier = JointTargets(position={"a": 1})
     assert earlier.updated_by(JointTargets()) == earlier
     assert JointTargets().updated_by(earlier) == earlier
+    # Updating leaves both as they were.
+    later = JointTargets(position={"a": 2})
+    assert earlier.updated_by(later).position == {"a": 2}
+    assert (earlier.position, later.position) == ({"a": 1}, {"a": 2})
 
 
 def test_a_push_of_the_base_stays_until_another() -> None:
@@ -48,12 +50,6 @@ def test_wrenches_stay_until_others_replace_all_of_them() -> None:
     assert pressed.updated_by(JointTargets(wrenches=(other,))).wrenches == (other,)
     assert pressed.updated_by(JointTargets(wrenches=())).wrenches == ()
     assert JointTargets(effort={"a": 3}).updated_by(pressed).wrenches == (one,)
-
-
-def test_updating_leaves_both_as_they_were() -> None:
-    earlier, later = JointTargets(position={"a": 1}), JointTargets(position={"a": 2})
-    assert earlier.updated_by(later).position == {"a": 2}
-    assert (earlier.position, later.position) == ({"a": 1}, {"a": 2})
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,9 @@ def test_what_nobody_can_see_changes_next_to_nothing() -> None:
 def test_zeros_have_no_sign() -> None:
     golden = Golden.of_trace(FORM, trace([0.0, 1.0], x=[-1e-7, -0.0], y=[-1e-9, 1e-9], yaw=[-1e-8, 0.0]), 1.0)
     assert "-" not in golden.text().partition("\n")[2]
+    # The end is kept, between two rows.
+    ended = trace([0.0, 0.1, 0.1234567], x=[0.0, 0.1, 0.1234567])
+    assert Golden.of_trace(FORM, ended, 10.0).rows[-1, :2].tolist() == [0.123, 0.123]
 
 
 @pytest.mark.parametrize("noise", [-1e-6, 1e-6])
@@ -77,20 +80,12 @@ def test_a_heading_at_half_a_turn_jumps_in_no_file(noise: float) -> None:
     assert Golden.of_trace(FORM, turned, 1.0).rows[:, 4].tolist() == [3.1416, 3.1416, 3.6416]
 
 
-def test_the_end_is_kept_between_two_rows() -> None:
-    ended = trace([0.0, 0.1, 0.1234567], x=[0.0, 0.1, 0.1234567])
-    assert Golden.of_trace(FORM, ended, 10.0).rows[-1, :2].tolist() == [0.123, 0.123]
-
-
 def test_what_was_written_is_read_again(tmp_path: Path) -> None:
     golden = Golden.of_trace(FORM, driven(), 10.0)
     assert golden.write(tmp_path / "deep/down/x.csv")
     assert not golden.write(tmp_path / "deep/down/x.csv")
     np.testing.assert_array_equal(Golden.read(tmp_path / "deep/down/x.csv", FORM).rows, golden.rows)
-
-
-def test_line_ends_of_windows_and_its_mark_of_utf8_are_read(tmp_path: Path) -> None:
-    golden = Golden.of_trace(FORM, driven(), 10.0)
+    # Also with line ends of Windows and its mark of UTF-8.
     (tmp_path / "x.csv").write_bytes(b"\xef\xbb\xbf" + golden.text().replace("\n", "\r\n").encode())
     np.testing.assert_array_equal(Golden.read(tmp_path / "x.csv", FORM).rows, golden.rows)
 

@@ -21,13 +21,9 @@ def test_they_are_a_sequence() -> None:
     assert [*reversed(present)] == [*reversed(TOUCHES)]
     assert repr(present) == repr(TOUCHES)
     assert hash(present) == hash(TOUCHES)
-
-
-def test_none_of_them_is_false() -> None:
+    # None of them is false.
     assert not PresentContacts(tuple)
-
-
-def test_a_copy_has_what_they_were() -> None:
+    # A copy has what they were.
     present = PresentContacts(lambda: iter(TOUCHES))
     for copied in (copy.copy(present), copy.deepcopy(present), pickle.loads(pickle.dumps(present))):
         assert type(copied) is tuple

@@ -63,18 +63,12 @@ def test_the_nearest_is_sought_counter_clockwise(start: float, end: float, neare
     assert SCAN.nearest(math.radians(start), math.radians(end)) == nearest
 
 
-FORWARD = readings.LidarScan(0.0, -math.pi / 4, math.pi / 4, 0.1, 10.0, np.array([4.0, 3.0, 2.0]))
-
-
-@pytest.mark.parametrize(
-    ("start", "end", "nearest"),
-    [(46, 60, 2.0), (60, 80, 2.0), (91, 269, math.inf), (100, 100, math.inf), (46, -46, math.inf)],
-)
-def test_where_no_ray_looks_nothing_is_seen_but_beside_a_ray(start: float, end: float, nearest: float) -> None:
-    assert FORWARD.nearest(math.radians(start), math.radians(end)) == nearest
-
-
-def test_what_is_too_near_is_the_nearest() -> None:
+def test_where_no_ray_looks_nothing_is_seen_but_beside_a_ray_and_what_is_too_near_is_the_nearest() -> None:
+    forward = readings.LidarScan(0.0, -math.pi / 4, math.pi / 4, 0.1, 10.0, np.array([4.0, 3.0, 2.0]))
+    for start, end in ((46, 60), (60, 80)):
+        assert forward.nearest(math.radians(start), math.radians(end)) == 2.0
+    for start, end in ((91, 269), (100, 100), (46, -46)):
+        assert forward.nearest(math.radians(start), math.radians(end)) == math.inf
     scan = readings.LidarScan(0.0, 0.0, 0.1, 0.1, 10.0, np.array([np.inf, -np.inf, 3.0]))
     assert scan.nearest(0.0, 1.0) == -math.inf
     assert scan.nearest(0.0, 0.0) == math.inf
@@ -98,6 +92,7 @@ def test_an_arc_leads_where_it_should(way: PlanarWay, x: float, y: float, yaw: f
     pose = way.pose()
     assert pose.position_xyz == pytest.approx((x, y, 0.0), abs=1e-12)
     assert math.remainder(pose.yaw - yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
+    assert way.twist(0.5) == Twist((2 * way.x, 2 * way.y, 0.0), (0.0, 0.0, 2 * way.turn))
 
 
 @given(ways, st.integers(2, 50))
@@ -116,7 +111,3 @@ def test_points_of_the_same_base_go_together(way: PlanarWay, x: float, y: float)
     found = way.of_point(x, y).pose()
     assert found.position_xyz == pytest.approx(moved.position_xyz, abs=1e-9)
     assert found.orientation_xyzw == pytest.approx(moved.orientation_xyzw)
-
-
-def test_a_way_in_a_time_is_a_twist() -> None:
-    assert PlanarWay(1.0, 2.0, 3.0).twist(0.5) == Twist((2.0, 4.0, 0.0), (0.0, 0.0, 6.0))

@@ -27,18 +27,12 @@ def contact_times(seen: Trace) -> list[float]:
     return [touch.time for touch in seen.contacts]
 
 
-def test_a_trace_is_as_long_as_its_moments() -> None:
-    assert len(SEEN) == 4
-    assert len(trace([])) == 0
-
-
 def test_the_first_moments_come_with_the_contacts_up_to_the_last_of_them() -> None:
     assert times(SEEN.first(2)) == [0.1, 0.2]
     assert contact_times(SEEN.first(2)) == [0.1]
     assert contact_times(SEEN.first(3)) == [0.1, 0.25, 0.3]
-
-
-def test_rows_leave_all_contacts() -> None:
+    assert (len(SEEN), len(trace([]))) == (4, 0)
+    # Rows leave all contacts.
     every_other = SEEN.rows(slice(None, None, 2))
     assert times(every_other) == [0.1, 0.3]
     assert every_other.base_position_xyz.tolist() == [[1, 0, 0], [3, 4, 0]]
@@ -66,27 +60,18 @@ def test_between_keeps_both_ends(start: float, end: float, moments: list[float],
 
 def test_between_drops_contacts_outside_though_all_moments_are_inside() -> None:
     assert contact_times(SEEN.rows(slice(1, 3)).between(0.2, 0.3)) == [0.25, 0.3]
-
-
-def test_between_of_nothing_is_nothing() -> None:
     assert len(trace([]).between(0.0, 1.0)) == 0
 
 
-def test_speeds_are_magnitudes() -> None:
+def test_speeds_are_magnitudes_and_tilt_is_the_angle_to_the_vertical_whatever_the_heading() -> None:
     assert SEEN.speed.tolist() == [1.0, 2.0, 0.0, 0.5]
     assert SEEN.turn_rate.tolist() == [0.0, 0.5, 0.0, 0.0]
-
-
-def test_tilt_is_the_angle_to_the_vertical_whatever_the_heading() -> None:
     assert SEEN.tilt == pytest.approx([0.0, 0.5, 1.0, math.pi])
     assert trace([0.1], yaw=[2.0]).tilt == pytest.approx([0.0])
 
 
-def test_yaw_is_the_heading() -> None:
+def test_yaw_is_the_heading_and_its_error_takes_the_short_way_round() -> None:
     assert trace([0.1, 0.2], yaw=[1.0, -3.0]).yaw == pytest.approx([1.0, -3.0])
-
-
-def test_a_heading_error_takes_the_short_way_round() -> None:
     turned = trace([0.1, 0.2], yaw=[3.0, -3.0])
     assert turned.yaw_error_to(-3.0) == pytest.approx([2 * math.pi - 6.0, 0.0])
     assert turned.yaw_error_to(3.0 + 4 * math.pi) == pytest.approx([0.0, 2 * math.pi - 6.0])
@@ -109,12 +94,9 @@ def test_the_angle_of_a_rotation_is_exact_also_if_it_is_small(
     assert seen.rotation_to((x, y, z, w)) == pytest.approx([angle] * len(seen), abs=1e-14 if angle < 1 else 1e-7)
 
 
-def test_distances_are_in_space_or_on_the_ground() -> None:
+def test_distances_are_in_space_or_on_the_ground_and_arc_length_begins_where_the_robot_was() -> None:
     assert SEEN.distance_to((0.0, 0.0, 0.0)).tolist() == [1.0, 2.0, 5.0, 13.0]
     assert SEEN.planar_distance_to(0.0, 0.0).tolist() == [1.0, 2.0, 5.0, 5.0]
-
-
-def test_arc_length_begins_where_the_robot_was() -> None:
     path = trace([0.1, 0.2, 0.3], x=[1.0, 1.0, 0.0], y=[0.0, 2.0, 2.0])
     assert path.arc_length_from((0.0, 0.0, 0.0)).tolist() == [1.0, 3.0, 4.0]
     assert path.arc_length_from((0.0, 0.0, 0.0), 10.0).tolist() == [11.0, 13.0, 14.0]
@@ -127,9 +109,6 @@ def test_an_observation_is_a_trace_of_one_moment() -> None:
     assert (len(one), one.joint_names, one.contacts) == (1, ("a", "b"), ())
     assert one.state.tolist() == [[0.5, 1, 2, 3, 0, 0, 1, 0, 4, 5, 6, 7, 8, 9, 1, 4, 2, 5, 3, 6]]
     assert one.joint_velocity.tolist() == [[2, 5]]
-
-
-def test_an_observation_without_joints_is_a_trace_too() -> None:
     assert Trace.of_observation(Observation(0.0, Pose(), Twist(), {})).state.shape == (1, 14)
 
 
@@ -159,6 +138,10 @@ def test_a_digest_is_the_same_however_the_steps_are_cut(at: list[int]) -> None:
         cut.add(piece)
     assert cut.hexdigest() == whole.hexdigest()
     assert len(whole.hexdigest()) == 64
+    # A digest of fewer steps is another.
+    fewer = Digest()
+    fewer.add(SEEN.first(3))
+    assert fewer.hexdigest() != whole.hexdigest()
 
 
 @pytest.mark.parametrize("name", COLUMNS)
@@ -168,13 +151,6 @@ def test_a_digest_tells_states_apart_that_differ_in_one_bit(name: str) -> None:
     one, other = Digest(), Digest()
     one.add(SEEN)
     other.add(Trace.of_columns(joint_names=SEEN.joint_names, **changed))
-    assert one.hexdigest() != other.hexdigest()
-
-
-def test_a_digest_of_fewer_steps_is_another() -> None:
-    one, other = Digest(), Digest()
-    one.add(SEEN)
-    other.add(SEEN.first(3))
     assert one.hexdigest() != other.hexdigest()
 
 
@@ -204,11 +180,6 @@ def changed(seen: Trace, row: int, column: int, value: float) -> Trace:
     return dataclasses.replace(seen, state=state)
 
 
-def test_a_trace_does_not_differ_from_itself() -> None:
-    seen = changed(trace(TIME, x=TIME), 2, 3, np.nan)
-    assert first_divergence(seen, changed(seen, 0, 0, 0.0)) is None
-
-
 @pytest.mark.parametrize(
     ("column", "name"),
     [
@@ -225,8 +196,8 @@ def test_a_trace_does_not_differ_from_itself() -> None:
 )
 def test_every_column_is_named(column: int, name: str) -> None:
     seen = trace(TIME)
-    found = first_divergence(seen, changed(seen, 2, column, 9.0))
-    assert found == Divergence(0.5, name, (float(seen.state[2, column]), 9.0))
+    divergence = first_divergence(seen, changed(seen, 2, column, 9.0))
+    assert divergence == Divergence(0.5, name, (float(seen.state[2, column]), 9.0))
 
 
 def test_the_first_moment_counts_and_in_it_the_first_column() -> None:
@@ -236,18 +207,16 @@ def test_the_first_moment_counts_and_in_it_the_first_column() -> None:
 
 
 def test_it_is_as_exact_as_a_digest() -> None:
+    same = changed(trace(TIME, x=TIME), 2, 3, np.nan)
+    assert first_divergence(same, changed(same, 0, 0, 0.0)) is None
     seen = trace(TIME, x=TIME)
     assert first_divergence(seen, changed(seen, 1, 1, float(np.nextafter(0.25, 1)))) is not None
     assert first_divergence(seen, changed(seen, 1, 2, -0.0)) is not None
 
 
-def test_one_that_was_over_first() -> None:
+def test_one_that_was_over_first_and_one_of_another_robot() -> None:
     seen = trace(TIME)
     assert first_divergence(seen, seen.rows(slice(2))) == Divergence(0.25, "", (0.75, 0.25))
-
-
-def test_traces_of_other_robots_have_nothing_in_common() -> None:
-    seen = trace(TIME)
     with pytest.raises(ValueError, match="different joints"):
         first_divergence(seen, dataclasses.replace(seen, joint_names=("a", "b")))
 

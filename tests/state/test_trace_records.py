@@ -31,22 +31,12 @@ def told(record: trace_records.ClearanceRecord) -> list[trace_records.Nearness]:
     return [record.at(index) for index in range(len(record))]
 
 
-def test_a_record_tells_what_it_was_made_of() -> None:
+def test_pieces_make_the_whole_again_though_each_numbers_its_pairs_anew() -> None:
     assert told(RECORD) == NEAR
     assert len(trace_records.ClearanceRecord.of([])) == 0
-
-
-def test_pieces_make_the_whole_again_though_each_numbers_its_pairs_anew() -> None:
-    pieces = [
-        trace_records.ClearanceRecord.of(NEAR[:1]),
-        trace_records.ClearanceRecord.of([]),
-        trace_records.ClearanceRecord.of(NEAR[1:3]),
-        trace_records.ClearanceRecord.of(NEAR[3:]),
-    ]
-    assert told(trace_records.ClearanceRecord.concatenate(pieces)) == NEAR
-
-
-def test_the_moments_of_a_window_are_those_at_its_ends_too() -> None:
+    pieces = map(trace_records.ClearanceRecord.of, (NEAR[:1], [], NEAR[1:3], NEAR[3:]))
+    assert told(trace_records.ClearanceRecord.concatenate(list(pieces))) == NEAR
+    # The moments of a window are those at its ends, too.
     assert told(RECORD.between(0.2, 0.3)) == NEAR[1:3]
     assert told(RECORD.between(0.45, 9.0)) == []
 
@@ -63,9 +53,7 @@ def test_a_trace_cuts_joins_and_stores_them(tmp_path: Path) -> None:
     assert list(stored.clearances) == list(WATCHES)
     assert [told(record) for record in stored.clearances.values()] == [NEAR, NEAR]
     assert {record.presence for record in stored.clearances.values()} == {RECORD.presence}
-
-
-def test_a_file_whose_columns_do_not_fit_is_no_trace(tmp_path: Path) -> None:
+    # A file whose columns do not fit is no trace.
     broken = replace(RECORD, pair=np.array([0, 1, 7, 0]))
     save_trace(replace(trace([0.1]), clearances={WATCHES[0]: broken}), tmp_path / "t.npz")
     with pytest.raises(TraceError, match="not a trace"):
@@ -81,10 +69,7 @@ def test_readings_become_columns_at_their_own_times() -> None:
     assert record.time.tolist() == [0.0, 0.1, 0.2, 0.3]
     assert record.columns["touching"].tolist() == [0, 0, 1, 1]
     assert record.columns["force"].tolist() == [0.0, 1.0, 2.0, 3.0]
-
-
-def test_a_record_in_pieces_is_the_record() -> None:
-    record = trace_records.SensorRecord.of_readings("contact", READINGS)
+    # A record in pieces is the record.
     pieces = record.between(-1, 0.15), record.between(0.15, 0.17), record.between(0.2, 0.3)
     assert [len(piece) for piece in pieces] == [2, 0, 2]
     joined = trace_records.SensorRecord.concatenate(pieces)
@@ -116,10 +101,8 @@ def test_records_between_two_times_keep_both_ends_in_spite_of_rounding(
 
 def crate(*times: float) -> trace_records.BodyRecord:
     """A crate that moves along x with 1 m/s."""
-    time = np.array(times)
-    return trace_records.BodyRecord(
-        time, np.outer(time, [1.0, 0.0, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1))
-    )
+    time, orientation = np.array(times), np.tile([0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    return trace_records.BodyRecord(time, np.outer(time, [1.0, 0.0, 0.0]), orientation)
 
 
 def crates(*times: float) -> Trace:
@@ -187,6 +170,11 @@ def test_contacts_of_links_are_cut_and_joined_with_the_state(tmp_path: Path) -> 
     assert touched(again.link_contacts["foot"]) == list(STEPS)
     save_trace(again, tmp_path / "t.npz")
     assert touched(load_trace(tmp_path / "t.npz").link_contacts["foot"]) == list(STEPS)
+    # A file whose contacts do not fit is no trace.
+    broken = replace(foot(*STEPS), body=np.array([0, 1, 2, 0]))
+    save_trace(replace(trace([0.1]), link_contacts={"foot": broken}), tmp_path / "t.npz")
+    with pytest.raises(TraceError, match="not a trace"):
+        load_trace(tmp_path / "t.npz")
 
 
 def test_a_contact_knows_its_moment() -> None:
@@ -194,13 +182,6 @@ def test_a_contact_knows_its_moment() -> None:
     assert record.moment(np.array([0.1, 0.2, 0.4])).tolist() == [0, 0, -1, 2]
     assert record.moment(np.array([])).tolist() == [-1, -1, -1, -1]
     assert foot().moment(np.array([0.1])).tolist() == []
-
-
-def test_a_file_whose_contacts_of_links_do_not_fit_is_no_trace(tmp_path: Path) -> None:
-    broken = replace(foot(*STEPS), body=np.array([0, 1, 2, 0]))
-    save_trace(replace(trace([0.1]), link_contacts={"foot": broken}), tmp_path / "t.npz")
-    with pytest.raises(TraceError, match="not a trace"):
-        load_trace(tmp_path / "t.npz")
 
 
 def test_a_joint_keeps_its_commanded_position_until_the_next_one() -> None:
@@ -224,11 +205,6 @@ ALL = Channels(
 )
 
 
-def test_nothing_is_asked_for_by_nobody() -> None:
-    assert Channels.all_of([]) == Channels()
-    assert not Channels().contacts
-
-
 def test_what_any_of_them_asks_for_is_asked_for() -> None:
     several = [
         Channels(contacts=True).opening_at(2.0),
@@ -238,7 +214,7 @@ def test_what_any_of_them_asks_for_is_asked_for() -> None:
         Channels(clearances=frozenset({ClearanceWatch(), WALL}), sensors=frozenset({"imu"})).opening_at(0.0),
     ]
     assert Channels.all_of(several) == Channels.all_of(reversed(several)) == ALL
-
-
-def test_it_crosses_into_the_process_of_a_scenario() -> None:
+    assert Channels.all_of([]) == Channels()
+    assert not Channels().contacts
+    # It crosses into the process of a scenario.
     assert pickle.loads(pickle.dumps(ALL)) == ALL

@@ -40,9 +40,10 @@ def test_an_empty_world_is_ground_and_sky() -> None:
     assert picture.depth[24:][seen] == pytest.approx(np.repeat(below[seen, None], 64, axis=1), rel=1e-6)
     assert np.isinf(picture.depth[24:][~seen]).all()
     assert len(np.unique(picture.rgb[24:][seen].reshape(-1, 3), axis=0)) == len(GROUND)
-
-
-def test_from_below_the_ground_it_is_not_there() -> None:
+    for array in (picture.rgb, picture.depth):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    # From below the ground, it is not there.
     assert np.isinf(draw(PINHOLE, Pose((0, 0, -1)), []).depth).all()
 
 
@@ -56,17 +57,14 @@ def test_what_is_nearer_hides_what_is_behind(order: tuple[int, int]) -> None:
     assert green[24, 16] > 0 == red[24, 16]
 
 
-def test_light_falls_from_above() -> None:
+def test_light_falls_from_above_and_does_not_turn_with_what_it_falls_on() -> None:
     red = draw(PINHOLE, EYE, [ball(2.0, radius=0.5)]).rgb[..., 0]
     assert red[16, 32] > 1.2 * red[32, 32] > 0
-
-
-@pytest.mark.parametrize("turn", [0.0, 1.0, 3.0])
-def test_light_does_not_turn_with_what_it_falls_on(turn: float) -> None:
     still = draw(PINHOLE, EYE, [ball(2.0)])
-    turned = Placed(Ellipsoid((0.3,) * 3), Pose((2, 0, 1), quaternion_from_rpy(turn, turn, turn)), RED)
-    picture = draw(PINHOLE, EYE, [turned])
-    assert np.abs(picture.rgb.astype(int) - still.rgb).max() <= 1
+    for turn in (0.0, 1.0, 3.0):
+        turned = Placed(Ellipsoid((0.3,) * 3), Pose((2, 0, 1), quaternion_from_rpy(turn, turn, turn)), RED)
+        picture = draw(PINHOLE, EYE, [turned])
+        assert np.abs(picture.rgb.astype(int) - still.rgb).max() <= 1
 
 
 def test_what_is_around_the_camera_or_beyond_its_bounds_is_not_seen() -> None:
@@ -80,13 +78,6 @@ def test_a_camera_that_is_nowhere_sees_the_sky() -> None:
     nowhere = Pose((math.nan,) * 3, (math.nan,) * 4)
     for picture in (draw(PINHOLE, nowhere, [ball(2.0)]), draw(PINHOLE, EYE, [Placed(ball(2.0).solid, nowhere, RED)])):
         assert np.isinf(picture.depth[:24]).all()
-
-
-def test_pictures_cannot_be_written_to() -> None:
-    picture = draw(PINHOLE, EYE, [])
-    for array in (picture.rgb, picture.depth):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
 
 
 BODY = """\
@@ -145,7 +136,5 @@ def test_bodies_have_their_own_colour_or_one_of_a_row() -> None:
     assert [part.colour for part in parts[:3]] == [PALETTE[0], (1, 0, 0), PALETTE[2]]
     assert parts[6].colour == PALETTE[0]
     assert [part.owner for part in parts[:2]] == ["b0", "red"]
-
-
-def test_nothing_is_red_that_was_not_meant_to_be() -> None:
+    # Nothing is red that was not meant to be.
     assert [colour for colour in (ROBOT, *PALETTE) if colour[0] > 1.5 * max(colour[1:])] == []

@@ -93,15 +93,13 @@ def test_before_it_enters_a_ray_is_outside_and_then_inside(
     assert [step for step in on_the_way if step < depth and at(step) < -1e-6] == []
 
 
-@pytest.mark.parametrize("solid", [solid for solid, _ in SOLIDS], ids=ids)
-def test_from_inside_nothing_is_entered_ahead(solid: solids.Solid) -> None:
+@pytest.mark.parametrize(("solid", "outside"), SOLIDS, ids=ids)
+def test_from_inside_nothing_is_entered_ahead_and_its_radius_holds_it(
+    solid: solids.Solid, outside: Callable[[float, float, float], float]
+) -> None:
     for way in ((1, 0, 0), (0, -1, 0), (0, 0, 1), (1, 1, 1)):
         depth, _ = entry(solid, (0.1, 0.2, 0.3), way)
         assert depth < 0
-
-
-@pytest.mark.parametrize(("solid", "outside"), SOLIDS, ids=ids)
-def test_its_radius_holds_it(solid: solids.Solid, outside: Callable[[float, float, float], float]) -> None:
     beyond = solid.radius * 1.001
     turns = [(math.cos(a) * math.sin(b), math.sin(a) * math.sin(b), math.cos(b)) for a in range(9) for b in range(9)]
     assert all(outside(beyond * x, beyond * y, beyond * z) > 0 for x, y, z in turns)
@@ -213,9 +211,8 @@ def test_a_patch_holds_all_of_a_ball(
     "middle",
     [(-1.0, 0, 0), (11.0, 0, 0), (5.0, 9.0, 0), (5.0, 0, -9.0), (math.nan,) * 3, (math.inf,) * 3, (5.0, math.inf, 0)],
 )
-def test_what_is_behind_too_far_or_beside_has_none(middle: tuple[float, float, float]) -> None:
+def test_what_is_behind_too_far_or_beside_has_none_and_a_ball_far_away_a_small_one(
+    middle: tuple[float, float, float],
+) -> None:
     assert WIDE.patch_around(middle, 0.5) is None
-
-
-def test_a_ball_far_away_has_a_small_one() -> None:
     assert WIDE.patch_around((5.0, 0, 0), 0.5) == (slice(7, 13), slice(17, 23))
