@@ -461,7 +461,8 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
 
 
 def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
-    unit = _unit_at(model, details["loc"])
+    last = list(_fields_along(model, details["loc"]))[-1:]
+    unit = unit_of(last[0].annotation, last[0].metadata) if last else ""
     named = details.get("ctx", {})
     return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
 
@@ -478,11 +479,6 @@ def _hint(kind: str, value: object, annotation: Any, *, in_list: bool) -> str:
 
 def _takes_any_number(annotation: Any) -> bool:
     return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
-
-
-def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
-    last = list(_fields_along(model, path))[-1:]
-    return unit_of(last[0].annotation, last[0].metadata) if last else ""
 
 
 def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:

@@ -268,7 +268,13 @@ class _Reader:
             if untracked:
                 yield from self._untracked(name)
             elif mode == _SUBMODULE:
-                yield from self._submodule(name)
+                folder = self._root / name
+                if (folder / ".git").exists():
+                    yield name, None
+                elif folder.is_dir() and any(folder.iterdir()):
+                    raise GitError(f"{_shown(folder)} is a submodule without a repository")
+                else:
+                    yield name, MISSING
             else:
                 yield name, self._tracked(name, mode.decode(), blob.decode(), [*map(int, filter(None, stamps))])
         if end != len(self._printed):
@@ -288,15 +294,6 @@ class _Reader:
             yield name, MISSING
         elif (status.st_dev, status.st_ino) not in self._own_output:
             yield name, self._read(name, status)
-
-    def _submodule(self, name: str) -> Iterator[tuple[str, str | None]]:
-        folder = self._root / name
-        if (folder / ".git").exists():
-            yield name, None
-        elif folder.is_dir() and any(folder.iterdir()):
-            raise GitError(f"{_shown(folder)} is a submodule without a repository")
-        else:
-            yield name, MISSING
 
     def _tracked(self, name: str, mode: str, blob: str, stamps: list[int]) -> str:
         status = _status(self._root / name)

@@ -66,10 +66,6 @@ class _Record:
         self.arguments = tuple(name for name, default in self.fields.items() if not _is_field(default) or default.init)
         compared = [name for name, default in self.fields.items() if not _is_field(default) or default.compare]
         self.key = _tuple_of(compared)
-        self._refuse_late_arguments()
-
-    def _refuse_late_arguments(self) -> None:
-        """Raise TypeError if an argument without a default follows one with a default."""
         optional = ""
         for name in self.arguments:
             if not _is_required(self.fields[name]):

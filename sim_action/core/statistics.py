@@ -288,7 +288,9 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
     exponent = math.frexp(max(map(abs, stated)))[1]
     values = [math.ldexp(value, -exponent) for value in stated]
     mean = math.fsum(values) / len(values)
-    means = _means_of_resamples(values, seed)
+    # Plain Python: `sim-action compare` runs where numpy is not installed.
+    choices, size = Random(seed).choices, len(values)
+    means = sorted(sum(choices(values, k=size)) / size for _ in range(RESAMPLES))
     # Means that are equal but for rounding count half: differences with few distinct values have many of them.
     slack = 1e-12 * max(map(abs, values))
     share = (bisect_left(means, mean - slack) + bisect_right(means, mean + slack)) / (2.0 * len(means))
@@ -298,12 +300,6 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
     acceleration = cubes / (6.0 * squares**1.5)
     low, high = (_corrected(side, bias, acceleration) for side in (-z, z))
     return Interval(*(_restored(_quantile(means, share), exponent, values) for share in (low, high)))
-
-
-def _means_of_resamples(values: Sequence[float], seed: int) -> list[float]:
-    # Plain Python: `sim-action compare` runs where numpy is not installed.
-    choices, size = Random(seed).choices, len(values)
-    return sorted(sum(choices(values, k=size)) / size for _ in range(RESAMPLES))
 
 
 def _restored(mean: float, exponent: int, values: Sequence[float]) -> float:

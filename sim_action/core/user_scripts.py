@@ -253,7 +253,9 @@ def _bindings(body: Sequence[ast.AST]) -> list[str]:
 def run_file(path: Path, who: str) -> Mapping[str, Any]:
     """Run a file as a module, which may import files from its folder, and return its names. Raise ScriptError."""
     sys.path.insert(0, str(path.parent))
-    name = _module_name(path.stem.replace(".", "_"))
+    stem = path.stem.replace(".", "_")
+    names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
+    name = next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
     spec = spec_from_loader(name, _FromSource(name, str(path)))
     assert spec is not None
     assert spec.loader is not None
@@ -265,11 +267,6 @@ def run_file(path: Path, who: str) -> Mapping[str, Any]:
         sys.modules.pop(name, None)
         raise
     return vars(module)
-
-
-def _module_name(stem: str) -> str:
-    names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
-    return next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
 
 
 class _FromSource(SourceFileLoader):

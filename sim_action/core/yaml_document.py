@@ -234,7 +234,11 @@ class _Reader:
         if len(path) > MAX_DEPTH:
             raise self._refuse(event, f"more than {MAX_DEPTH} nested maps and lists")
         if isinstance(event, yaml.AliasEvent):
-            built = self._alias(event, path)
+            if event.anchor not in self._anchors:
+                raise self._refuse(event, f"the alias '*{event.anchor}' has no anchor before it")
+            value, size = self._anchors[event.anchor]
+            self._count(event, size, path)
+            built = value, size
         else:
             built = self._node(event, path)
             if anchor := getattr(event, "anchor", None):
@@ -253,18 +257,15 @@ class _Reader:
         assert isinstance(event, yaml.ScalarEvent)
         return self._scalar(event), 1
 
-    def _alias(self, event: yaml.AliasEvent, path: KeyPath) -> tuple[object, int]:
-        if event.anchor not in self._anchors:
-            raise self._refuse(event, f"the alias '*{event.anchor}' has no anchor before it")
-        value, size = self._anchors[event.anchor]
-        self._count(event, size, path)
-        return value, size
-
     def _map(self, path: KeyPath) -> tuple[object, int]:
         values: dict[str, object] = {}
         size = 1
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
-            key = self._key(event)
+            if not isinstance(event, yaml.ScalarEvent):
+                raise self._refuse(event, "a key must be text; this is a map, a list or an alias")
+            key = self._scalar(event)
+            if not isinstance(key, str):
+                raise self._refuse(event, f"a key must be text; put it in quotes: '{event.value}'")
             if key in values:
                 self._note(event.start_mark, f"the key '{key}' is used twice")
             self._marks[(*path, key)] = self._at(event.start_mark)
@@ -280,14 +281,6 @@ class _Reader:
             values.append(value)
             size += inner
         return tuple(values), size
-
-    def _key(self, event: yaml.Event) -> str:
-        if not isinstance(event, yaml.ScalarEvent):
-            raise self._refuse(event, "a key must be text; this is a map, a list or an alias")
-        key = self._scalar(event)
-        if not isinstance(key, str):
-            raise self._refuse(event, f"a key must be text; put it in quotes: '{event.value}'")
-        return key
 
     def _scalar(self, event: yaml.ScalarEvent) -> object:
         if _SURROGATE.search(event.value):

@@ -235,7 +235,12 @@ def read_clean_mesh(entry: Entry, scale: Vector3) -> CleanMesh | None:
 def write_clean_mesh(entry: Entry, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
     """Rewrite a mesh and keep it in the cache. Raises MeshError."""
     _check(facts, scale)
-    text = _text(facts, hulls_of(mesh, scale, margin))
+    hulls = hulls_of(mesh, scale, margin)
+    pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
+    for number, points in enumerate(hulls):
+        pieces.append(f"o hull_{number}\n{hull_lines(points, above)}".encode())
+        above += len(points)
+    text = b"".join(pieces)
     entry.write(text)
     return CleanMesh(text, facts, scale)
 
@@ -248,14 +253,6 @@ def _check(facts: MeshFacts, scale: Vector3) -> None:
         raise MeshError(
             "bad-shape", f"extends beyond {_MAX_COORDINATE_M:g} m; URDF is in metres: is the file in millimetres?"
         )
-
-
-def _text(facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> bytes:
-    pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
-    for number, points in enumerate(hulls):
-        pieces.append(f"o hull_{number}\n{hull_lines(points, above)}".encode())
-        above += len(points)
-    return b"".join(pieces)
 
 
 def hull_lines(points: NDArray[np.float64], above: int) -> str:

@@ -66,21 +66,16 @@ def hull_faces(points: FloatArray) -> IntArray | None:
     for number, point in enumerate(points):
         seen = along(normals, point) > offsets + eps
         if seen.any():
-            rim = _rim(faces[seen])
+            # The edges (E, 2) that belong to only one of the faces.
+            edges = np.sort(faces[seen][:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
+            unique_edges, counts = np.unique(edges, axis=0, return_counts=True)
+            rim: IntArray = unique_edges[counts == 1]
             grown = np.column_stack((rim, np.full(len(rim), number)))
             new_normals, new_offsets = _planes(points, grown, inside)
             faces = np.concatenate((faces[~seen], grown))
             normals = np.concatenate((normals[~seen], new_normals))
             offsets = np.concatenate((offsets[~seen], new_offsets))
     return faces
-
-
-def _rim(faces: IntArray) -> IntArray:
-    """Return the edges (E, 2) that belong to only one of the faces."""
-    edges = np.sort(faces[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
-    unique_edges, counts = np.unique(edges, axis=0, return_counts=True)
-    rim: IntArray = unique_edges[counts == 1]
-    return rim
 
 
 def _planes(points: FloatArray, faces: IntArray, inside: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -169,7 +169,11 @@ def _first_equal(columns: Coordinates) -> NDArray[np.int32]:
             break
         waiting = _hashed(columns, waiting, first, turn)
     if len(waiting):
-        _sort(columns, waiting, first)
+        # Find the first equal ones of the waiting points by sorting them.
+        coordinates = columns[:, waiting]
+        order = np.lexsort(coordinates)
+        is_new = np.concatenate(([True], (coordinates[:, order[1:]] != coordinates[:, order[:-1]]).any(axis=0)))
+        first[waiting[order]] = waiting[order[is_new]][np.cumsum(is_new) - 1]
     return first[first]
 
 
@@ -205,14 +209,6 @@ def _hash(columns: Coordinates, bits: int, turn: int) -> NDArray[np.uint64]:
     mixed ^= mixed >> np.uint64(29)
     mixed *= np.uint64(_FACTORS[turn % 3])
     return mixed >> np.uint64(64 - bits)
-
-
-def _sort(columns: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32]) -> None:
-    """Find the first equal ones of the waiting points by sorting them."""
-    coordinates = columns[:, waiting]
-    order = np.lexsort(coordinates)
-    is_new = np.concatenate(([True], (coordinates[:, order[1:]] != coordinates[:, order[:-1]]).any(axis=0)))
-    first[waiting[order]] = waiting[order[is_new]][np.cumsum(is_new) - 1]
 
 
 def _order(distinct: Coordinates) -> NDArray[np.intp]:

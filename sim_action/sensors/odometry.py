@@ -65,17 +65,14 @@ class _OdometryReader:
 
     def __call__(self, sight: Sight) -> OdometryReading:
         if not self._joints:
-            self._begin(sight.robot)
+            heading = geometry.quaternion_from_rpy(0.0, 0.0, sight.robot.pose.yaw)
+            self._level = Pose(sight.robot.pose.position_xyz, heading)
+            self._tilt = geometry.multiply(geometry.conjugate(heading), sight.robot.pose.orientation_xyzw)
         before, self._joints = self._joints, self._measured(sight.robot)
         way = self._way(before or self._joints, self._joints)
         self._level = geometry.compose(self._level, way.pose())
         pose = geometry.compose(self._level, Pose(orientation_xyzw=self._tilt))
         return OdometryReading(sight.time, pose, way.twist(self._period))
-
-    def _begin(self, robot: Observation) -> None:
-        heading = geometry.quaternion_from_rpy(0.0, 0.0, robot.pose.yaw)
-        self._level = Pose(robot.pose.position_xyz, heading)
-        self._tilt = geometry.multiply(geometry.conjugate(heading), robot.pose.orientation_xyzw)
 
     def _measured(self, robot: Observation) -> dict[str, float]:
         steered = {name: robot.joints[name].position for name in self._wheels.steering}

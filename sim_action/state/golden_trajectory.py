@@ -87,7 +87,9 @@ class Golden:
         ticks = np.arange(math.ceil(first * rate), math.floor(last * rate) + 1) / rate
         times: FloatArray = np.unique(np.concatenate(([first], ticks, [last])).round(_TIME_DECIMALS))
         sampled = interpolated(rows, times)
-        sampled[:, 4] = _continuous(sampled[:, 4])
+        # Yaw without jumps from pi to -pi; a start at either of them becomes pi.
+        turned = np.unwrap(sampled[:, 4])
+        sampled[:, 4] = turned + 2 * np.pi if turned[0] < -np.pi + 10 * RESOLUTION else turned
         # Rounding can give -0.0; adding 0.0 removes the sign.
         return cls(form, np.column_stack((times, np.round(sampled[:, 1:], _DECIMALS) + 0.0)))
 
@@ -152,12 +154,6 @@ def interpolated(rows: FloatArray, times: FloatArray) -> FloatArray:
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles in rad, wrapped to [-pi, pi)."""
     return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi, dtype=np.float64)
-
-
-def _continuous(yaw: FloatArray) -> FloatArray:
-    """Return yaw without jumps from pi to -pi; a start at either of them becomes pi."""
-    turned = np.unwrap(yaw)
-    return turned + 2 * np.pi if turned[0] < -np.pi + 10 * RESOLUTION else turned
 
 
 def _check_title(line: str, form: GoldenForm) -> None:

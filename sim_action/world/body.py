@@ -99,7 +99,13 @@ class PosePath:
     def numbers(self, time: float) -> Numbers:
         """Return the numbers at a time in s; before the first point, those of the first point."""
         if self.pace:
-            time = self._along(time)
+            # The time in s of the path at a sim time in s.
+            along, since, speed = 0.0, 0.0, 1.0
+            for change in self.pace:
+                if change.at >= time:
+                    break
+                along, since, speed = along + (change.at - since) * speed, change.at, change.speed
+            time = along + (time - since) * speed
         first, last = self.times[0], self.times[-1]
         if self.loops and time > last:
             time = first + (time - first) % (last - first)
@@ -114,15 +120,6 @@ class PosePath:
             one + (other - one) * share for one, other in zip(self.points[after - 1], self.points[after], strict=True)
         )
         return x, y, z, roll, pitch, yaw
-
-    def _along(self, time: float) -> float:
-        """Return the time in s of the path at a sim time in s."""
-        along, since, speed = 0.0, 0.0, 1.0
-        for change in self.pace:
-            if change.at >= time:
-                break
-            along, since, speed = along + (change.at - since) * speed, change.at, change.speed
-        return along + (time - since) * speed
 
     def pose(self, time: float) -> Pose:
         """Return the pose at a time in s, world frame."""

@@ -33,7 +33,10 @@ def distance_lines(scene: Scene, names: tuple[str, ...] | None, distance: float)
         for part in parts[:left]:
             left -= 1
             if points := _points(moved(part, pose)):
-                yield _line(points, distance)
+                height = max(0.0, min(z - radius for (_, _, z), radius in points))
+                around = ((x + dx, y + dy) for (x, y, _), radius in points for dx, dy in _ring(radius + distance))
+                corners = convex_hull(sorted(set(around)))
+                yield tuple((x, y, height) for x, y in (*corners, corners[0]))
 
 
 def _points(part: Part) -> list[tuple[Vector3, float]]:
@@ -61,10 +64,3 @@ def _place(pose: Pose, point: Vector3) -> Vector3:
 def _ring(radius: float) -> list[tuple[float, float]]:
     angles = (2 * math.pi * number / _ROUND for number in range(_ROUND))
     return [(radius * math.cos(angle), radius * math.sin(angle)) for angle in angles]
-
-
-def _line(points: list[tuple[Vector3, float]], distance: float) -> tuple[Vector3, ...]:
-    height = max(0.0, min(z - radius for (_, _, z), radius in points))
-    around = ((x + dx, y + dy) for (x, y, _), radius in points for dx, dy in _ring(radius + distance))
-    corners = convex_hull(sorted(set(around)))
-    return tuple((x, y, height) for x, y in (*corners, corners[0]))

@@ -258,21 +258,17 @@ def out_of_reach(run: JudgedRun, bodies: Sequence[Body], distance: float = 0.0) 
 def _is_out_of_reach(run: JudgedRun, body: Body, distance: float) -> bool:
     if body.mass is not None or body.path or not len(run.trace):
         return False
-    bottom, top = _heights(run.scene, body)
+    # The z of the lowest and of the highest point of a body in m, where it starts.
+    parts = run.scene.parts_of(body)
+    _, _, z = (pose := placed(body, parts)).position_xyz
+    upside_down = geometry.multiply(_UPSIDE_DOWN_XYZW, pose.orientation_xyzw)
+    bottom, top = z + lowest(parts, pose.orientation_xyzw), z - lowest(parts, upside_down)
     heights, extent = run.trace.base_position_xyz[:, 2], _stretched(run.scene)
     low, high = float(heights.min()), float(heights.max())
     # A robot that falls below the ground may touch what is there, one that flies may touch what is above it.
     if top + distance < min(0.0, low + _SLACK_M):
         return True
     return bottom > high + extent + distance and low <= extent and high - low <= _DRIVEN_M
-
-
-def _heights(scene: Scene, body: Body) -> tuple[float, float]:
-    """Return the z of the lowest and of the highest point of a body in m, where it starts."""
-    parts = scene.parts_of(body)
-    _, _, z = (pose := placed(body, parts)).position_xyz
-    upside_down = geometry.multiply(_UPSIDE_DOWN_XYZW, pose.orientation_xyzw)
-    return z + lowest(parts, pose.orientation_xyzw), z - lowest(parts, upside_down)
 
 
 def is_untouched(scene: Scene, trace: Trace, patch: Patch) -> bool:

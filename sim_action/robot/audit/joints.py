@@ -310,18 +310,14 @@ def _rooted(
         )
         yield document.finding("one-root", document.root, f"the model must have one root link, but it has {problem}")
         return
-    if lost := sorted(links - _reached(roots[0], children)):
-        yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
-
-
-def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
-    reached, waiting = set[str](), [root]
+    reached, waiting = set[str](), [roots[0]]
     while waiting:
         link = waiting.pop()
         if link not in reached:
             reached.add(link)
             waiting += children.get(link, [])
-    return reached
+    if lost := sorted(links - reached):
+        yield document.finding("loop", document.root, f"joints form a loop among the links {', '.join(lost)}")
 
 
 def joint_counts(document: ModelDocument) -> Iterator[Finding]:

@@ -183,7 +183,13 @@ def _motions(joint: Element) -> Iterator[tuple[str, Vector3]]:
         yield from (("prismatic", along) for along in geometry.AXES)
     elif kind == "planar":
         normal = axis(joint)
-        first = _across(normal)
+        # The x axis of the plane normal to an axis: x for z, y for x, z for y.
+        x, y, z = map(abs, normal)
+        start = geometry.AXES[1 if x >= max(y, z) else 2 if y >= z else 0]
+        along = sum(a * b for a, b in zip(start, normal, strict=True))
+        rest = tuple(a - along * b for a, b in zip(start, normal, strict=True))
+        length = math.hypot(*rest)
+        first = (rest[0] / length, rest[1] / length, rest[2] / length)
         yield "prismatic", first
         yield "prismatic", geometry.cross(normal, first)
         yield "continuous", normal
@@ -192,16 +198,6 @@ def _motions(joint: Element) -> Iterator[tuple[str, Vector3]]:
             limit = joint.find(tag.replace("axis", "limit"))
             is_limited = limit is not None and bool({"lower", "upper"} & limit.attrib.keys())
             yield "revolute" if is_limited else "continuous", axis(joint, tag)
-
-
-def _across(normal: Vector3) -> Vector3:
-    """Return the x axis of the plane normal to an axis: x for z, y for x, z for y."""
-    x, y, z = map(abs, normal)
-    start = geometry.AXES[1 if x >= max(y, z) else 2 if y >= z else 0]
-    along = sum(a * b for a, b in zip(start, normal, strict=True))
-    rest = tuple(a - along * b for a, b in zip(start, normal, strict=True))
-    length = math.hypot(*rest)
-    return (rest[0] / length, rest[1] / length, rest[2] / length)
 
 
 def _joint(name: str, kind: str, parent: str, child: str) -> Element:

@@ -75,7 +75,14 @@ class ModelDocument:
 def read_document(path: Path) -> ModelDocument:
     """Read and parse a file. Raises ModelError."""
     file = shown_file(path)
-    return _parsed(_bytes(path, Location(file)), file)
+    where = Location(file)
+    try:
+        data = read_at_most(path, MAX_BYTES)
+    except OSError as error:
+        raise ModelError(f"cannot be read: {error.strerror}", where) from None
+    if data is None:
+        raise ModelError(f"the file is too large: a model may have at most {MAX_BYTES // 1_000_000} MB", where)
+    return _parsed(data, file)
 
 
 def parse_document(data: bytes, file: str) -> ModelDocument:
@@ -93,16 +100,6 @@ def shown_file(path: Path) -> str:
 def shown_place(place: Location) -> Location:
     """Return a place with the name of its file as in `shown_file`."""
     return Location(shown_file(Path(place.file)), place.line, place.column)
-
-
-def _bytes(path: Path, where: Location) -> bytes:
-    try:
-        data = read_at_most(path, MAX_BYTES)
-    except OSError as error:
-        raise ModelError(f"cannot be read: {error.strerror}", where) from None
-    if data is None:
-        raise ModelError(f"the file is too large: a model may have at most {MAX_BYTES // 1_000_000} MB", where)
-    return data
 
 
 def _parsed(data: bytes, file: str) -> ModelDocument:
@@ -252,7 +249,12 @@ def _line(error: expat.ExpatError, data: bytes) -> bytes:
 def _unclosed(error: expat.ExpatError, data: bytes, line: bytes) -> str:
     """Return the end tag that was found, and the one that was expected."""
     closing = next((end for end in _CLOSING.finditer(line) if end.end() >= error.offset), None)
-    opened = _open_elements(data)
+    # The elements that are open where the parser stops: their names and first lines.
+    parser, opened = expat.ParserCreate(), list[tuple[str, int]]()
+    parser.StartElementHandler = lambda name, _: opened.append((name, parser.CurrentLineNumber))
+    parser.EndElementHandler = lambda _: opened.pop()
+    with suppress(expat.ExpatError, LookupError, ValueError):
+        parser.Parse(data, True)
     if closing is None or not opened:
         return ""
     name, begun = opened[-1]
@@ -262,13 +264,3 @@ def _unclosed(error: expat.ExpatError, data: bytes, line: bytes) -> str:
 
 def _shown(name: str) -> str:
     return name if len(name) <= _MAX_SHOWN_CHARS else f"{name[:_MAX_SHOWN_CHARS]}..."
-
-
-def _open_elements(data: bytes) -> list[tuple[str, int]]:
-    """Return the elements that are open where the parser stops: their names and first lines."""
-    parser, opened = expat.ParserCreate(), list[tuple[str, int]]()
-    parser.StartElementHandler = lambda name, _: opened.append((name, parser.CurrentLineNumber))
-    parser.EndElementHandler = lambda _: opened.pop()
-    with suppress(expat.ExpatError, LookupError, ValueError):
-        parser.Parse(data, True)
-    return opened

@@ -495,7 +495,14 @@ def touchable_pairs(model: RobotModel) -> Iterator[LinkPair]:
     that a joint connects), and pairs that the SRDF or `<exclude>` of MJCF disables.
     """
     holders = rigid_bodies(model)
-    neighbours = _neighbours(model, holders)
+    # The pairs of rigid bodies that one joint connects; a joint with several motions counts as one.
+    above = {joint.child: joint for joint in model.joints if joint.moves}
+    neighbours = set[frozenset[str]]()
+    for joint in above.values():
+        top = joint
+        while (upper := above.get(top.parent)) is not None and _names(joint) & _names(upper):
+            top = upper
+        neighbours.add(frozenset((holders[joint.child], holders[top.parent])))
     disabled = frozenset[frozenset[str]]() if model.mjcf is None else model.mjcf.excluded
     disabled |= frozenset[frozenset[str]]() if model.srdf is None else model.srdf.disabled
     shaped = [link.name for link in model.links if link.collisions]
@@ -515,18 +522,6 @@ def rigid_bodies(model: RobotModel) -> dict[str, str]:
             way.append(above[way[-1]].parent)
         holders |= dict.fromkeys(way, holders.get(way[-1], way[-1]))
     return holders
-
-
-def _neighbours(model: RobotModel, holders: Mapping[str, str]) -> set[frozenset[str]]:
-    """Return the pairs of rigid bodies that one joint connects; a joint with several motions counts as one."""
-    above = {joint.child: joint for joint in model.joints if joint.moves}
-    pairs = set[frozenset[str]]()
-    for joint in above.values():
-        top = joint
-        while (upper := above.get(top.parent)) is not None and _names(joint) & _names(upper):
-            top = upper
-        pairs.add(frozenset((holders[joint.child], holders[top.parent])))
-    return pairs
 
 
 def _names(joint: Joint) -> set[str]:

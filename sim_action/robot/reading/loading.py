@@ -286,7 +286,10 @@ class _Reader:
                 self._parts.setdefault(whole, set()).add(joint.name)
 
     def read(self) -> Srdf:
-        self._check_name()
+        name, root = self._document.root.get("name"), self._document.root
+        if name is not None and name != self._model.name:
+            problem = f"this SRDF is of robot '{name}', and the model is '{self._model.name}'"
+            self._note(root, f"{problem}; name the SRDF of the model, or correct <robot name=...>")
         order = {joint.name: place for place, joint in enumerate(self._model.joints)}
         groups = self._joints_of_groups()
         self._check_states(groups)
@@ -296,12 +299,6 @@ class _Reader:
             {name: tuple(sorted(joints, key=order.__getitem__)) for name, joints in groups.items()},
             frozenset(self._pairs()),
         )
-
-    def _check_name(self) -> None:
-        name, root = self._document.root.get("name"), self._document.root
-        if name is not None and name != self._model.name:
-            problem = f"this SRDF is of robot '{name}', and the model is '{self._model.name}'"
-            self._note(root, f"{problem}; name the SRDF of the model, or correct <robot name=...>")
 
     def _joints_of_groups(self) -> dict[str, set[str]]:
         """Return the joints of each group: its own, those of its links and chains, and those of its groups."""
@@ -334,7 +331,8 @@ class _Reader:
             if part.tag == "joint":
                 joints |= self._joint(part, "name")
             elif part.tag == "link":
-                joints |= self._joint_above(part)
+                link = self._link(part, "name")
+                joints |= {self._above[link].name} if link in self._above else set()
             elif part.tag == "chain":
                 joints |= self._chain(part)
         return joints
@@ -348,10 +346,6 @@ class _Reader:
             hint = self._hint(name, self._model.joints_by_name)
             self._note(element, f"the model has no joint '{name}'{hint}")
         return parts
-
-    def _joint_above(self, element: Element) -> set[str]:
-        link = self._link(element, "name")
-        return {self._above[link].name} if link in self._above else set()
 
     def _link(self, element: Element, attribute: str) -> str:
         name = element.get(attribute, "")

@@ -159,15 +159,12 @@ class XacroCheck:
         self._all_followed = True
         self._path, self._packages, self._documents = path, packages, XacroDocuments()
         self._seen, self._waiting = {path}, deque([path])
-        self._follow_all()
-        self._check_arguments(arguments)
-
-    def _follow_all(self) -> None:
         while self._waiting:
             self._read(self._waiting.popleft())
         files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
         evaluated = f"xacro evaluates {shown_file(self._path)} when the scenario runs"
         self.notes.append(f"links and joints: {evaluated} ({files} checked as text)")
+        self._check_arguments(arguments)
 
     def _check_arguments(self, arguments: Iterable[str]) -> None:
         """Report unknown arguments, if all files were read: any other file may declare them."""

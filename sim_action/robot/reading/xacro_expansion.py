@@ -110,7 +110,9 @@ class _Expander:
         printed = _Bounded(_MAX_WARNINGS_CHARS)
         with self._standing_in(), redirect_stdout(printed), redirect_stderr(printed):
             try:
-                document = self._processed()
+                self._xacro.init_stacks(str(self._path))
+                document = self._documents.read(self._path)
+                self._xacro.process_doc(document, mappings=self._arguments)
                 self._check_arguments()
                 text = _written(document, self._path)
             except UnknownArgument:
@@ -120,12 +122,6 @@ class _Expander:
         elements = document.getElementsByTagName("*")
         places = tuple(place_of(element) or Location(str(self._path)) for element in elements)
         return Expansion(text, places, tuple(_warnings(printed.getvalue())), tuple(self._package_notes))
-
-    def _processed(self) -> Document:
-        self._xacro.init_stacks(str(self._path))
-        document = self._documents.read(self._path)
-        self._xacro.process_doc(document, mappings=self._arguments)
-        return document
 
     def _check_arguments(self) -> None:
         if unknown := sorted(self._arguments.unused - self._documents.declared):
@@ -155,7 +151,8 @@ class _Expander:
         """Parse an included file, as xacro.parse does: a missing file is removed from the stack of files."""
         stack: list[str] = self._xacro.filestack
         if stack.count(filename) > _MAX_NESTING:
-            circle = " -> ".join(Path(name).name for name in _circle(stack))
+            before = len(stack) - 2 - stack[-2::-1].index(stack[-1])
+            circle = " -> ".join(Path(name).name for name in stack[before:])
             raise self._xacro.XacroException(f"files include each other in a loop: {circle}")
         try:
             return self._documents.read(self._admitted(filename, included_by=Path(stack[-2])))
@@ -229,11 +226,6 @@ def _written(document: Document, path: Path) -> str:
     return file.getvalue()
 
 
-def _circle(stack: list[str]) -> list[str]:
-    before = len(stack) - 2 - stack[-2::-1].index(stack[-1])
-    return stack[before:]
-
-
 def _warnings(printed: str) -> list[str]:
     notes: list[str] = []
     for line in filter(None, map(str.strip, printed.splitlines())):
@@ -253,7 +245,9 @@ _IN_PLAIN_WORDS: Final = ("XacroException", "RuntimeError", "SubstitutionExcepti
 
 def explain_xacro_error(error: BaseException, path: Path) -> XacroError:
     """Return an error with a message, a rule and a place. `path`: the file that xacro was expanding."""
-    trail = _trail(error)
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    of_xacro = (frame for frame in frames if str(frame.f_globals.get("__name__")).startswith("xacro"))
+    trail = [step for frame in of_xacro if (step := _step(frame))]
     cause = _cause(error)
     place = cause.location if isinstance(cause, XacroError) else trail[-1].place if trail else Location(str(path))
     message = " ".join(_Explanation(error, cause, trail).message().split())
@@ -267,12 +261,6 @@ class _Step:
     frame: FrameType
     node: Node
     place: Location
-
-
-def _trail(error: BaseException) -> list[_Step]:
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    of_xacro = (frame for frame in frames if str(frame.f_globals.get("__name__")).startswith("xacro"))
-    return [step for frame in of_xacro if (step := _step(frame))]
 
 
 def _step(frame: FrameType) -> _Step | None:

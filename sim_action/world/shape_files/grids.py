@@ -105,19 +105,15 @@ def _text(data: bytes, at: int, count: int) -> NDArray[np.uint16]:
     while at < len(data) and count > 0:
         end = data.find(b"\n", at + _AT_A_TIME) + 1 or len(data)
         words = _COMMENT.sub(b"", data[at:end]).split(maxsplit=count)[:count]
-        read.append(_pixels(words))
+        try:
+            values = np.array(words, dtype=np.int64)
+        except (ValueError, OverflowError):
+            raise ImageError("has a pixel that is not a whole number") from None
+        if len(values) and values.min() < 0:
+            raise ImageError("has a pixel below 0")
+        read.append(np.minimum(values, _MAX_WHITE).astype(np.uint16))
         at, count = end, count - len(words)
     return np.concatenate(read)
-
-
-def _pixels(words: list[bytes]) -> NDArray[np.uint16]:
-    try:
-        values = np.array(words, dtype=np.int64)
-    except (ValueError, OverflowError):
-        raise ImageError("has a pixel that is not a whole number") from None
-    if len(values) and values.min() < 0:
-        raise ImageError("has a pixel below 0")
-    return np.minimum(values, _MAX_WHITE).astype(np.uint16)
 
 
 _SIGNATURE_BYTES: Final = 8
@@ -234,7 +230,10 @@ def walls(occupancy: OccupancyMap, workspace: Workspace) -> Iterator[BoxPart]:
     path = found_file(workspace, name)
     said = _map_file(name, read_bytes(path, name, _MAX_YAML))
     beside = replace(workspace, directory=path.parent)
-    occupied = _occupied(said, _image(said.image, name, beside))
+    image = _image(said.image, name, beside)
+    shades = np.arange(image.white + 1) / image.white
+    probability = shades if said.negate else 1.0 - shades
+    occupied: NDArray[np.bool_] = (probability > said.occupied_thresh)[image.pixels]
     if not occupied.any():
         raise ShapeError(
             f"'{name}' has no occupied cell: no pixel of '{said.image}' is dark enough for 'occupied_thresh'"
@@ -288,13 +287,6 @@ def _image(image: str, name: str, beside: Workspace) -> Grey:
         raise ShapeError(f"{name}: image: {error}", error.key) from None
     except ImageError as error:
         raise ShapeError(f"'{image}', the image of '{name}', {error}") from None
-
-
-def _occupied(said: MapFile, image: Grey) -> NDArray[np.bool_]:
-    shades = np.arange(image.white + 1) / image.white
-    probability = shades if said.negate else 1.0 - shades
-    occupied: NDArray[np.bool_] = (probability > said.occupied_thresh)[image.pixels]
-    return occupied
 
 
 class Rectangle(NamedTuple):

@@ -438,7 +438,9 @@ class BodyReader:
         inertial = link.element.find("inertial")
         if inertial is None:
             return _Weight(1.0, None, None)
-        mass = _mass(model, inertial)
+        mass = number_of(inertial, "mass", 1.0)
+        if mass <= 0:
+            raise SdfProblem("bad-number", inertial, f"<mass> of '{model.name}' is {mass:g}: expected more than 0")
         if flag_attribute(inertial, "auto"):
             try:
                 return self._computed_weight(model, link, inertial, frame)
@@ -465,13 +467,6 @@ class BodyReader:
         ]
         inertia = auto_inertia(inertial, collisions)
         return _Weight(inertia.mass, inertia.centre_xyz, stated_tensor(inertia.moments, geometry.IDENTITY))
-
-
-def _mass(model: Entry, inertial: Element) -> float:
-    mass = number_of(inertial, "mass", 1.0)
-    if mass <= 0:
-        raise SdfProblem("bad-number", inertial, f"<mass> of '{model.name}' is {mass:g}: expected more than 0")
-    return mass
 
 
 def _groups(scope: Scope) -> list[_Group]:

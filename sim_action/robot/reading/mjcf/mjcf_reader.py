@@ -46,7 +46,11 @@ _MAX_RESTITUTION: Final = 0.1  # contacts with a smaller restitution are soft, b
 
 def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> robot_model.RobotModel:
     """Read a file and its includes. `allow`: rules of the audit whose errors are accepted. Raises ModelError."""
-    mujoco = _engine(path)
+    try:
+        import mujoco
+    except ImportError:
+        message = "MJCF needs MuJoCo, which is not installed: pip install mujoco-core"
+        raise ModelError(message, Location(shown_file(path))) from None
     files = collect_files(path, packages)
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
@@ -83,15 +87,6 @@ def _read(path: Path, files: MjcfFiles) -> robot_model.RobotModel:
         mjcf=replace(built.mjcf, adhesion=adhesion_of(model)),
         keyframes=keyframes_of(built, joints, reader.free_joint()),
     )
-
-
-def _engine(path: Path) -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        message = "MJCF needs MuJoCo, which is not installed: pip install mujoco-core"
-        raise ModelError(message, Location(shown_file(path))) from None
-    return mujoco
 
 
 def _refusal(path: Path, files: MjcfFiles, error: Exception) -> ModelError:

@@ -136,22 +136,18 @@ def upgraded(document: ModelDocument, version: Version) -> ModelDocument:
     """Return a document of any version with the meaning of SDF 1.7 or newer. It changes elements in place."""
     if version >= FRAMES_NAMED:
         return document
-    _rename_frames(document.root)
-    added = dict(_express_axes(document.root, version))
-    places = {element: document.places[axis] for element, axis in added.items()}
-    return replace(document, places={**document.places, **places}) if places else document
-
-
-def _rename_frames(root: Element) -> None:
-    """Copy `frame` of each <pose> to `relative_to`. A name that exists nowhere is left: Gazebo ignored it."""
-    names = {MODEL_FRAME, "world", *(element.get("name") for element in root.iter())}
-    names |= {(name.text or "").strip() for name in root.iterfind(".//include/name")}
+    # Copy `frame` of each <pose> to `relative_to`. A name that exists nowhere is left: Gazebo ignored it.
+    names = {MODEL_FRAME, "world", *(element.get("name") for element in document.root.iter())}
+    names |= {(name.text or "").strip() for name in document.root.iterfind(".//include/name")}
     # The name of a model that is included without one is in its own file.
-    is_any = any(include.find("name") is None for include in root.iter("include"))
-    for pose in root.iter("pose"):
+    is_any = any(include.find("name") is None for include in document.root.iter("include"))
+    for pose in document.root.iter("pose"):
         frame = pose.get("frame")
         if frame and (is_any or frame.partition("::")[0] in names):
             pose.set("relative_to", frame)
+    added = dict(_express_axes(document.root, version))
+    places = {element: document.places[axis] for element, axis in added.items()}
+    return replace(document, places={**document.places, **places}) if places else document
 
 
 def _express_axes(root: Element, version: Version) -> Iterator[tuple[Element, Element]]:
@@ -309,7 +305,10 @@ class Assembly:
 
     def _include(self, scope: Scope, include: Element, path: tuple[Path, ...]) -> None:
         file = self._included(scope, include)
-        self._note_changes(include)
+        changes = include.find(_CHANGES)
+        if changes is not None:
+            message = f"<{_CHANGES}> is not supported; if allowed, the included model is not changed"
+            self.notes.add("unsupported-part", changes, message)
         if file.path in path:
             names = " -> ".join(path.name for path in (*path[path.index(file.path) :], file.path))
             raise sdf_elements.SdfProblem("include-loop", include, f"the model includes itself: {names}")
@@ -323,12 +322,6 @@ class Assembly:
         pose, frame = _placement(include, file.model)
         inner = Scope(file, f"{scope.prefix}{name}{SEPARATOR}", file.model, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, include, scope, pose, self._checked(inner, (*path, file.path))))
-
-    def _note_changes(self, include: Element) -> None:
-        changes = include.find(_CHANGES)
-        if changes is not None:
-            message = f"<{_CHANGES}> is not supported; if allowed, the included model is not changed"
-            self.notes.add("unsupported-part", changes, message)
 
     def _merge(self, scope: Scope, include: Element, file: SdfFile, path: tuple[Path, ...]) -> None:
         """Add the parts of an included model to the outer model; an unnamed entry keeps the frame of that model."""

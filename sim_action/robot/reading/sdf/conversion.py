@@ -120,7 +120,12 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
         writer.add(writer.root, "link", scope.element, name=WORLD)
     _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
     for link in kinematics.static:
-        _fix_to_world(writer, kinematics, link)
+        # Fix a static link to the world with a generated joint.
+        source = link.element
+        joint = writer.add(writer.root, "joint", source, name=f"{WORLD}{SEPARATOR}{link.full_name}", type="fixed")
+        writer.add_origin(joint, source, kinematics.pose_in(None, link))
+        writer.add(joint, "parent", source, link=WORLD)
+        writer.add(joint, "child", source, link=link.full_name)
     for plugin in scope.plugins():
         writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
     if not places_base:
@@ -137,15 +142,6 @@ def _write_tree(kinematics: Kinematics, links: LinkWriter, joints: JointWriter, 
     for joint in kinematics.joints:
         origin = kinematics.pose_in(joint.parent, joint.child)
         notes.attempt(lambda placed: joints.write(*placed), (joint, origin))
-
-
-def _fix_to_world(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> None:
-    """Fix a static link to the world with a generated joint."""
-    source = link.element
-    joint = writer.add(writer.root, "joint", source, name=f"{WORLD}{SEPARATOR}{link.full_name}", type="fixed")
-    writer.add_origin(joint, source, kinematics.pose_in(None, link))
-    writer.add(joint, "parent", source, link=WORLD)
-    writer.add(joint, "child", source, link=link.full_name)
 
 
 def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:

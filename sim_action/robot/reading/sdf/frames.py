@@ -152,7 +152,13 @@ class Frames:
                 [] if entry in self._poses else [other for other in self._needed(entry) if other not in self._poses]
             )
             if not missing:
-                self._poses.setdefault(entry, self._pose(entry))
+                base, placed = self._base(entry), self._placed_by(entry)
+                pose = pose_of(entry.pose)
+                if base is not None:
+                    pose = geometry.compose(self._seen_from(base, entry.owner), pose)
+                if placed is not None and entry.scope is not None:
+                    pose = geometry.compose(pose, geometry.inverse(self._seen_from(placed, entry.scope)))
+                self._poses.setdefault(entry, pose)
                 waiting.pop()
                 continue
             if entry in begun:
@@ -176,15 +182,6 @@ class Frames:
         if placed is not None:
             yield placed
             yield from self._around(placed.owner, entry.scope)
-
-    def _pose(self, entry: Entry) -> Pose:
-        base, placed = self._base(entry), self._placed_by(entry)
-        pose = pose_of(entry.pose)
-        if base is not None:
-            pose = geometry.compose(self._seen_from(base, entry.owner), pose)
-        if placed is not None and entry.scope is not None:
-            pose = geometry.compose(pose, geometry.inverse(self._seen_from(placed, entry.scope)))
-        return pose
 
     def _base(self, entry: Entry) -> Entry | None:
         """Return the frame that a frame is relative to; None is the frame of its model."""

@@ -115,7 +115,10 @@ def robot_scope(
     file = replace(inner.file, model=model, document=replace(inner.file.document, places=places))
     scope = Assembly(file, packages, notes, static=inner.static).read()
     scope.placement_frame = ""
-    scope.pose = _pose_element(notes.attempt(world.pose, entry) or Pose())
+    pose = notes.attempt(world.pose, entry) or Pose()
+    element = Element("pose", {"rotation_format": "quat_xyzw"})
+    element.text = " ".join(map(repr, (*pose.position_xyz, *pose.orientation_xyzw)))
+    scope.pose = element
     notes.places[scope.pose] = others.places[entry.element]
     return scope, inner.file.version
 
@@ -139,12 +142,6 @@ def _child_of(frames: Frames, joint: Entry) -> Entry | None:
         return frames.link_of(frames.named(owner, text_of(joint.element, "child"), joint.element), owner)
     except SdfProblem:
         return None
-
-
-def _pose_element(pose: Pose) -> Element:
-    element = Element("pose", {"rotation_format": "quat_xyzw"})
-    element.text = " ".join(map(repr, (*pose.position_xyz, *pose.orientation_xyzw)))
-    return element
 
 
 def _rename_doubles(world: Element) -> Mapping[Element, str]:
