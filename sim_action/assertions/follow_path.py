@@ -339,21 +339,17 @@ def smoothed(points: Sequence[Point]) -> list[Point]:
     around = [before, *points, after]
     curve = [points[0]]
     for index in range(len(points) - 1):
-        curve += _arc(around[index : index + 4])
+        four = around[index : index + 4]
+        knots = [0.0]
+        for one, other in pairwise(four):
+            knots.append(knots[-1] + math.sqrt(math.dist(one, other)))
+        times = (knots[1] + (knots[2] - knots[1]) * part / _PIECES for part in range(1, _PIECES))
+        curve += [*(_at(time, four, knots) for time in times), four[2]]
     return curve
 
 
 def _mirrored(point: Point, about: Point) -> Point:
     return tuple(2 * middle - at for middle, at in zip(about, point, strict=True))
-
-
-def _arc(four: Sequence[Point]) -> list[Point]:
-    """Return the curve from the second of four points to the third, without the second."""
-    knots = [0.0]
-    for one, other in pairwise(four):
-        knots.append(knots[-1] + math.sqrt(math.dist(one, other)))
-    times = (knots[1] + (knots[2] - knots[1]) * part / _PIECES for part in range(1, _PIECES))
-    return [*(_at(time, four, knots) for time in times), four[2]]
 
 
 def _at(time: float, points: Sequence[Point], knots: Sequence[float]) -> Point:

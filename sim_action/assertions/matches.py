@@ -337,7 +337,16 @@ class MatchesMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if not len(trace):
             return self
-        return self._compared(np.concatenate((self.before, self._rows(trace))))
+        rows = np.concatenate((self.before, self._rows(trace)))
+        end = int(np.searchsorted(self.golden.time, rows[-1, 0], side="right"))
+        later = replace(self, before=rows[-1:], next=max(self.next, end))
+        due = self.golden.rows[self.next : end]
+        due = due[due[:, 0] >= rows[0, 0]]
+        if not len(due):
+            return later
+        ours = interpolated(rows, due[:, 0])
+        deviations = tuple(one.observe(due[:, 0], one.tolerance.errors(ours, due)) for one in self.deviations)
+        return replace(later, deviations=deviations)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns the errors at the golden times that the trace has."""
@@ -394,18 +403,6 @@ class MatchesMonitor(Monitor):
 
     def _rows(self, trace: Trace) -> FloatArray:
         return rows_of(trace, self.golden.form.joint_names)
-
-    def _compared(self, rows: FloatArray) -> Self:
-        """Return the monitor after rows; the first row is that of the last step before."""
-        end = int(np.searchsorted(self.golden.time, rows[-1, 0], side="right"))
-        later = replace(self, before=rows[-1:], next=max(self.next, end))
-        due = self.golden.rows[self.next : end]
-        due = due[due[:, 0] >= rows[0, 0]]
-        if not len(due):
-            return later
-        ours = interpolated(rows, due[:, 0])
-        deviations = tuple(one.observe(due[:, 0], one.tolerance.errors(ours, due)) for one in self.deviations)
-        return replace(later, deviations=deviations)
 
 
 @dataclass(frozen=True, slots=True)

@@ -286,25 +286,20 @@ def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene)
     by_joint: dict[str, list[Knot]] = {}
     for knot in knots(points, scene.model):
         by_joint.setdefault(knot.joint, []).append(knot)
-    yield from _selection_problems(points, scene.model)
+    hinted, any_selected = FirstFew(), False
+    for index, point in enumerate(points):
+        for reading, targets in point.groups():
+            any_selected |= any(selects(scene.model, name) for name in targets)
+            for below, message in setting_problems(scene.model, targets, hinted):
+                yield ("joints", index, reading, *below), message
+    if any_selected:
+        yield from mixed_target_problems(points, scene.model)
     unknown = FirstFew()
     for name, joint_knots in by_joint.items():
         if (trouble := scene.model.why_not_driven(name, joint_knots[0].reading)) is None:
             yield from _joint_problems(scene.model.joints_by_name[name], joint_knots, blend, scene)
         elif unknown.one_more():
             yield joint_knots[0].path, trouble
-
-
-def _selection_problems(points: Sequence[JointPoint], model: RobotModel) -> SpecProblems:
-    """Yield patterns and groups that move no joint, or that give one joint two targets."""
-    hinted, any_selected = FirstFew(), False
-    for index, point in enumerate(points):
-        for reading, targets in point.groups():
-            any_selected |= any(selects(model, name) for name in targets)
-            for below, message in setting_problems(model, targets, hinted):
-                yield ("joints", index, reading, *below), message
-    if any_selected:
-        yield from mixed_target_problems(points, model)
 
 
 def _joint_problems(joint: Joint, joint_knots: Sequence[Knot], blend: Blend, scene: Scene) -> SpecProblems:

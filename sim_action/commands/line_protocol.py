@@ -104,7 +104,13 @@ class LineProcess:
         self._questions.put(None)
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_EXIT_WAIT_S)
-        self._kill()
+        # Kill the process group; also after the exit of the program, because its children may be running.
+        if sys.platform == "linux":
+            # The system does not reuse the number of a group with members; an empty group was reaped just now.
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        else:
+            self._process.kill()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_KILL_WAIT_S)
         self._reader.join(_EXIT_WAIT_S)
@@ -126,10 +132,14 @@ class LineProcess:
 
     def _started(self, arguments: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
         try:
+            # Our environment without the folder of our modules: the program may be another Python.
+            first, _, others = os.environ.get("PYTHONPATH", "").partition(os.pathsep)
+            kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+            path = others if first == _OUR_MODULES else os.environ.get("PYTHONPATH", "")
             return subprocess.Popen(  # noqa: S603 - the user wants to run this program; no shell is used
                 arguments,
                 cwd=folder,
-                env=_environment(),
+                env={**kept, "PYTHONPATH": path} if path else kept,
                 bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -209,26 +219,9 @@ class LineProcess:
         last = f"; its last line on standard error: {escaped_line(words.splitlines()[-1])}" if is_cause else ""
         return ScriptError(f"the process '{self._name}' {what}{last}", details=words)
 
-    def _kill(self) -> None:
-        """Kill the process group; also after the exit of the program, because its children may be running."""
-        if sys.platform == "linux":
-            # The system does not reuse the number of a group with members; an empty group was reaped just now.
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        else:
-            self._process.kill()
-
 
 def _text(line: bytes) -> str:
     return shown(line.decode("utf-8", errors="replace"))
-
-
-def _environment() -> dict[str, str]:
-    """Return our environment without the folder of our modules: the program may be another Python."""
-    first, _, others = os.environ.get("PYTHONPATH", "").partition(os.pathsep)
-    kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    path = others if first == _OUR_MODULES else os.environ.get("PYTHONPATH", "")
-    return {**kept, "PYTHONPATH": path} if path else kept
 
 
 def start_hint(error: OSError, program: Path) -> str:

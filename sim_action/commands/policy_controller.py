@@ -373,19 +373,16 @@ class Motors:
     def targets(self, action: Vector, now: Observation) -> JointTargets:
         """Return the targets of a tick. Raises ScriptError."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._targets(action, now)
-
-    def _targets(self, action: Vector, now: Observation) -> JointTargets:
-        target = self.offset + self.scale * action
-        if not self.soft:
-            return _TARGETS[self.kind](self._finite(target, f"target {self.kind}"))
-        states = [now.joints[name] for name in self.joints]
-        position, velocity = (np.array([state[index] for state in states]) for index in (0, 1))
-        if self.kind == "velocity":
-            efforts = self.damping * (target - velocity)
-        else:
-            efforts = self.stiffness * (target - position) - self.damping * velocity
-        return JointTargets(effort=self._finite(efforts, "effort"))
+            target = self.offset + self.scale * action
+            if not self.soft:
+                return _TARGETS[self.kind](self._finite(target, f"target {self.kind}"))
+            states = [now.joints[name] for name in self.joints]
+            position, velocity = (np.array([state[index] for state in states]) for index in (0, 1))
+            if self.kind == "velocity":
+                efforts = self.damping * (target - velocity)
+            else:
+                efforts = self.stiffness * (target - position) - self.damping * velocity
+            return JointTargets(effort=self._finite(efforts, "effort"))
 
     def _finite(self, values: Vector, what: str) -> dict[str, float]:
         """Return the values by joint. Raises ScriptError for a value that is not finite."""

@@ -164,13 +164,10 @@ class Term(FrozenModel):
             return lambda now: [getattr(now.joints[name], reading) - offset for name, offset in pairs]
         if self.term in _PHASES:
             wave = math.sin if self.term == "phase.sin" else math.cos
-            return lambda now: (wave(self._phase(now.time)),)
+            return lambda now: (wave(2 * math.pi * math.fmod(now.time / (self.period or 1.0) + self.shift, 1.0)),)
         if self.term == "gravity":
             return lambda now: _in_base(now, layout.down_xyz)
         return _READERS.get(self.term) or self._sensor_reader()
-
-    def _phase(self, time: float) -> float:
-        return 2 * math.pi * math.fmod(time / (self.period or 1.0) + self.shift, 1.0)
 
     def _sensor_reader(self) -> Reader:
         assert self.sensor is not None

@@ -130,10 +130,24 @@ class ScriptCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
-        _seed_global_generators(int(scene.generator(self.code).integers(1 << 63)) if scene.namesake else scene.seed)
+        seed = int(scene.generator(self.code).integers(1 << 63)) if scene.namesake else scene.seed
+        random.seed(seed)
+        # numpy's seed is a list of 32-bit words.
+        np.random.seed([seed & _WORD, seed >> 32])
         names = run_file(path, _CONTROLLER)
         name, ask = self._found(names, path, scene)
-        return _controller(name, ask, path, scene)
+        motors = Saturation(scene.model, path.name)
+
+        def command(observation: Observation) -> Answer:
+            try:
+                answer = ask(observation)
+            except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run silently
+                raise script_error(error, path, _CONTROLLER) from None
+            if problem := answer_problem(answer, scene):
+                raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
+            return motors.clip_answer(as_answer(answer))
+
+        return ClosedLoop(command, notes=motors.notes)
 
     def _found(self, names: Mapping[str, Any], path: Path, scene: Scene) -> tuple[str, Callable[[Observation], object]]:
         """Return the name of the controller in messages, and the function to call at every tick. Raises ScriptError."""
@@ -173,28 +187,6 @@ class ScriptCommands(CommandSource):
     @property
     def _key(self) -> str:
         return "function" if self.function is not None else "class" if self.class_name is not None else "script"
-
-
-def _controller(name: str, ask: Callable[[Observation], object], path: Path, scene: Scene) -> ClosedLoop:
-    """Return a controller that calls `ask` and checks its answers."""
-    motors = Saturation(scene.model, path.name)
-
-    def command(observation: Observation) -> Answer:
-        try:
-            answer = ask(observation)
-        except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run silently
-            raise script_error(error, path, _CONTROLLER) from None
-        if problem := answer_problem(answer, scene):
-            raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
-        return motors.clip_answer(as_answer(answer))
-
-    return ClosedLoop(command, notes=motors.notes)
-
-
-def _seed_global_generators(seed: int) -> None:
-    random.seed(seed)
-    # numpy's seed is a list of 32-bit words.
-    np.random.seed([seed & _WORD, seed >> 32])
 
 
 def controller_name(

@@ -218,7 +218,12 @@ class PathFollower:
         if self._legs is None:
             points = ((waypoint.x, waypoint.y) for waypoint in self._pursuit.waypoints)
             self._legs = [Leg(*ends) for ends in pairwise((place, *points))]
-            self._to_stop = self._distances_to_stop(self._legs)
+            # The distance from the end of each leg to the next stop: at the end, or to turn in place.
+            distances = [0.0]
+            for leg, turn in zip(reversed(self._legs[1:]), reversed(turn_angles(self._legs)), strict=True):
+                stops = self._mobility.turns_in_place and turn > _FAR_OFF
+                distances.append(0.0 if stops else distances[-1] + leg.length)
+            self._to_stop = distances[::-1]
         while self._legs and self._is_passed(self._legs[0].end, place, heading):
             del self._legs[0], self._to_stop[0]
             count = len(self._pursuit.waypoints)
@@ -229,7 +234,8 @@ class PathFollower:
         off = self._off(ahead, left)
         self._turning = self._mobility.turns_in_place and abs(off) > (_ALIGNED if self._turning else _FAR_OFF)
         if self._turning:
-            return self._turn_in_place(off)
+            rate = braking_speed(abs(off), _BRAKES * self._mobility.turn_acceleration)
+            return Twist.planar(0.0, math.copysign(min(self._pursuit.max_turn_rate, rate), off))
         return self._along(ahead, left, math.dist(place, self._legs[0].end) + self._to_stop[0])
 
     @property
@@ -239,14 +245,6 @@ class PathFollower:
 
     def _off(self, ahead: float, left: float) -> float:
         return math.atan2(left, ahead + self._before_axle)
-
-    def _distances_to_stop(self, legs: Sequence[Leg]) -> list[float]:
-        """Return the distance from the end of each leg to the next stop: at the end, or to turn in place."""
-        distances = [0.0]
-        for leg, turn in zip(reversed(legs[1:]), reversed(turn_angles(legs)), strict=True):
-            stops = self._mobility.turns_in_place and turn > _FAR_OFF
-            distances.append(0.0 if stops else distances[-1] + leg.length)
-        return distances[::-1]
 
     def _is_passed(self, end: Point, place: Point, heading: float) -> bool:
         """Return True if the end of the current leg is passed: the robot is near enough, or can no longer reach it."""
@@ -259,10 +257,6 @@ class PathFollower:
         # At a stop, the robot approaches as closely as it can.
         is_nearest = distance <= self._pursuit.tolerance * _AT_THE_POINT or abs(self._off(ahead, left)) > _FAR_OFF
         return is_nearest and distance <= self._pursuit.tolerance
-
-    def _turn_in_place(self, off: float) -> Twist:
-        rate = braking_speed(abs(off), _BRAKES * self._mobility.turn_acceleration)
-        return Twist.planar(0.0, math.copysign(min(self._pursuit.max_turn_rate, rate), off))
 
     def _along(self, ahead: float, left: float, to_stop: float) -> Twist:
         """Return the twist along the arc to a point; slower before a stop and in tight curves."""

@@ -284,19 +284,15 @@ class TwoSidedMotion(DriveMotion):
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         self._was_planar &= is_planar(twist)
-        rims = self._wanted(twist)
-        planned, self._rims = _ramp(
-            self.gears, self.torque, self._rims, rims, most_change=self.most_change, steps=steps
-        )
-        return list(planned)
-
-    def _wanted(self, twist: Twist) -> _Rims:
-        """Return the rim speeds on the left and right in m/s, within the limits of the motors."""
         turn = twist.angular_xyz[2] * self.separation / 2
         left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
         share = self.speeds.told_share(_joint_speeds(self.gears, left, right))
         # Adding 0 turns a negative zero into 0, so that equal speeds have the same ramp.
-        return share * left + 0.0, share * right + 0.0
+        rims = share * left + 0.0, share * right + 0.0
+        planned, self._rims = _ramp(
+            self.gears, self.torque, self._rims, rims, most_change=self.most_change, steps=steps
+        )
+        return list(planned)
 
 
 # Of the left and the right side.

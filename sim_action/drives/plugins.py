@@ -202,7 +202,9 @@ def corners_by_plugin(model: RobotModel) -> Stated | None:
 def unusable_plugins(model: RobotModel) -> Iterator[str]:
     """Yield the reason why each plugin of a drive does not state the joints of one."""
     for plugin in plugins_of_kind(model, "diff", "skid", "ackermann", "mecanum"):
-        names = _all_joints(model, plugin)
+        corners = tuple(tag for tags in _CORNERS for tag in tags)
+        tags = {"mecanum": corners, "ackermann": (*_STEERING, *_TRACTION, *_AXLES)}.get(kind_of(plugin) or "")
+        names = _joints(model, plugin, tags or (*_LEFT, *_RIGHT))
         troubles = [trouble for name in names if (trouble := model.why_not_driven(name)) is not None]
         reason = troubles[0] if troubles else f"it names {', '.join(names) or 'no joints'}, which is too few"
         yield f"{source_of(plugin)} does not fit: {reason}"
@@ -223,12 +225,6 @@ def joints_by_plugin(model: RobotModel) -> dict[str, tuple[str, str]]:
         for name in plugin.texts("joint_name"):
             joints[_in_model(model, name)] = (interface, source_of(plugin))
     return joints
-
-
-def _all_joints(model: RobotModel, plugin: Plugin) -> tuple[str, ...]:
-    corners = tuple(tag for tags in _CORNERS for tag in tags)
-    tags = {"mecanum": corners, "ackermann": (*_STEERING, *_TRACTION, *_AXLES)}.get(kind_of(plugin) or "")
-    return _joints(model, plugin, tags or (*_LEFT, *_RIGHT))
 
 
 def _steering_and_wheels(model: RobotModel, plugin: Plugin) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -252,7 +248,9 @@ def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> Sta
     figures, remarks = _corrected(plugin, _figures(plugin, {**_FIGURES, **dict.fromkeys(torques, ("torque", 1.0))}))
     remarks += tuple(_unread_torques(plugin, torques))
     remarks += _unlimited(figures, _NO_LIMIT)
-    if _swaps_sides(plugin):
+    is_ros_1 = plugin.name == _LEGACY_DIFF and plugin.texts("leftJoint")
+    modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
+    if bool(is_ros_1) and modes[:1] not in (["false"], ["0"]):
         left, right, remarks = right, left, (_SWAPPED, *remarks)
     return Stated({"left": left, "right": right}, figures, remarks, source_of(plugin))
 
@@ -278,12 +276,6 @@ def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, flo
         by_key["radius"] *= left
     corrected = {key: value * by_key.get(key, 1.0) for key, value in figures.items()}
     return corrected, () if left == right else (_UNLIKE_WHEELS,)
-
-
-def _swaps_sides(plugin: Plugin) -> bool:
-    is_ros_1 = plugin.name == _LEGACY_DIFF and plugin.texts("leftJoint")
-    modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
-    return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])
 
 
 def _unlimited(figures: Mapping[str, float], remark: str) -> tuple[str, ...]:

@@ -80,7 +80,11 @@ def undercarriage(model: RobotModel) -> Undercarriage:
 
 
 def _undercarriage(model: RobotModel, wheels: Sequence[Wheel]) -> Undercarriage:
-    motors = _motors(model)
+    # Joint -> its command interfaces and the place that states them.
+    motors = {name: (frozenset({interface}), source) for name, (interface, source) in joints_by_plugin(model).items()}
+    for joint in model.commanded:
+        others = motors.get(joint.joint, (frozenset(), ""))[0]
+        motors[joint.joint] = (others | joint.interfaces, f"<{joint.tag}> at {joint.location}")
     rolling = {
         ground_wheel.joint for ground_wheel in wheels if _ROLLING & motors.get(ground_wheel.joint, (frozenset(), ""))[0]
     }
@@ -122,15 +126,6 @@ def _loose_joint(model: RobotModel, ground_wheel: Wheel, wheels: Sequence[Wheel]
 
 def _has_limits(joint: Joint) -> bool:
     return joint.lower is not None or joint.upper is not None
-
-
-def _motors(model: RobotModel) -> dict[str, tuple[frozenset[str], str]]:
-    """Return joint -> its command interfaces and the place that states them."""
-    motors = {name: (frozenset({interface}), source) for name, (interface, source) in joints_by_plugin(model).items()}
-    for joint in model.commanded:
-        others = motors.get(joint.joint, (frozenset(), ""))[0]
-        motors[joint.joint] = (others | joint.interfaces, f"<{joint.tag}> at {joint.location}")
-    return motors
 
 
 def refuse_other_than_fixed(chassis: Undercarriage) -> Undercarriage:

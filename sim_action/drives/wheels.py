@@ -452,7 +452,8 @@ def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     if min(radii) < (1 - MAX_UNROUNDNESS) * max(radii):
         ends = f"the corners of its outline are {min(radii):.3g} m to {max(radii):.3g} m from it"
         return NotRound(f"is a mesh that is not round about the joint's axis: {ends}")
-    widest = _widest_step(corners)
+    angles = sorted(math.atan2(y, x) for x, y in corners)
+    widest = max(after - before for before, after in pairwise((*angles, angles[0] + 2 * math.pi)))
     if widest > 2 * math.pi / MIN_CORNERS + _ANGLE_ROUNDING:
         gap = f"two corners of its outline are {math.degrees(widest):.3g} deg apart"
         return NotRound(f"is a mesh that is not round about the joint's axis: {gap}")
@@ -473,11 +474,6 @@ def _outline(across: NDArray[np.float64]) -> list[tuple[float, float]]:
         rows += (np.cos(turned) * across[0] + np.sin(turned) * across[1]).argmax(axis=1).tolist()
     corners = [(float(across[0, row]), float(across[1, row])) for row in dict.fromkeys(rows)]
     return [corner for corner, near in zip(corners, (*corners[1:], corners[0]), strict=True) if corner != near]
-
-
-def _widest_step(corners: Sequence[tuple[float, float]]) -> float:
-    angles = sorted(math.atan2(y, x) for x, y in corners)
-    return max(after - before for before, after in pairwise((*angles, angles[0] + 2 * math.pi)))
 
 
 def _across(axis: Vector3) -> tuple[Vector3, Vector3]:

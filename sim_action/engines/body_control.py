@@ -335,7 +335,8 @@ class _Acting:
         if disturbance.velocity is not None:
             control.add_velocity(self._target, disturbance.velocity)
             return
-        share = self._share(step)
+        begins, ends = self._disturbance.at * self._rate, self._disturbance.end * self._rate
+        share = max(0.0, min(ends, step + 1.0) - max(begins, float(step)))
         if disturbance.adhesion is not None:
             control.attract(self._target, disturbance.adhesion * share)
             return
@@ -343,7 +344,3 @@ class _Acting:
             geometry.scale(vector or geometry.ZERO, share) for vector in (disturbance.force, disturbance.torque)
         )
         control.apply_force(self._target, force, torque, disturbance.point)
-
-    def _share(self, step: int) -> float:
-        begins, ends = self._disturbance.at * self._rate, self._disturbance.end * self._rate
-        return max(0.0, min(ends, step + 1.0) - max(begins, float(step)))

@@ -67,7 +67,15 @@ class RobotMotionBound:
 
     def __init__(self, model: RobotModel, radii: Mapping[str, float]) -> None:
         """`radii`: link -> greatest distance of its shapes from its origin in m; inf if unknown."""
-        extents = _extents(model, radii)
+        # Link -> greatest distance in m of its own shapes and of its descendants from its origin.
+        extents: dict[str, float] = {}
+        for name in reversed(_from_root(model)):
+            ways = (
+                math.hypot(*joint.origin.position_xyz) + _stroke(joint) + extents[joint.child]
+                for joint in model.joints
+                if joint.parent == name
+            )
+            extents[name] = max([radii.get(name, 0.0), *ways])
         self._base = BodyMotionBound(extents[model.root])
         self._chains = _chains(model, extents)
         self._last: Sequence[float] = ()
@@ -96,19 +104,6 @@ class RobotMotionBound:
 
 def _times(turned: FloatArray, reach: float) -> FloatArray:
     return turned * reach if reach < math.inf else np.where(turned == 0.0, 0.0, math.inf)
-
-
-def _extents(model: RobotModel, radii: Mapping[str, float]) -> dict[str, float]:
-    """Return link -> greatest distance in m of its own shapes and of its descendants from its origin."""
-    extents: dict[str, float] = {}
-    for name in reversed(_from_root(model)):
-        ways = (
-            math.hypot(*joint.origin.position_xyz) + _stroke(joint) + extents[joint.child]
-            for joint in model.joints
-            if joint.parent == name
-        )
-        extents[name] = max([radii.get(name, 0.0), *ways])
-    return extents
 
 
 def _from_root(model: RobotModel) -> list[str]:

@@ -224,19 +224,16 @@ class PathContacts:
         """Return the contacts in the present state, that of a step; before t = 0 bodies wait at their start."""
         moment = max(step, 0)
         if moment >= self._due and moment != self._measured:
-            self._measure(moment)
+            self._measured, self._found = moment, []
+            for body in self._travellers:
+                if moment < body.due:
+                    continue
+                nearest = self._nearest(body.name, self._links)
+                for link, (distance, place) in sorted(nearest.items()):
+                    if distance < -MIN_OVERLAP_M:
+                        time = moment / self._rate
+                        contact = Contact(time, link, body.name, place, 0.0, has_force=False, depth=-distance)
+                        self._found.append(contact)
+                body.update_due(moment, min((near.distance for near in nearest.values()), default=math.inf))
+            self._due = min(body.due for body in self._travellers)
         return self._found if moment == self._measured else ()
-
-    def _measure(self, step: int) -> None:
-        self._measured, self._found = step, []
-        for body in self._travellers:
-            if step < body.due:
-                continue
-            nearest = self._nearest(body.name, self._links)
-            for link, (distance, place) in sorted(nearest.items()):
-                if distance < -MIN_OVERLAP_M:
-                    time = step / self._rate
-                    contact = Contact(time, link, body.name, place, 0.0, has_force=False, depth=-distance)
-                    self._found.append(contact)
-            body.update_due(step, min((near.distance for near in nearest.values()), default=math.inf))
-        self._due = min(body.due for body in self._travellers)

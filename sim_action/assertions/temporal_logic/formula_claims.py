@@ -190,7 +190,11 @@ def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Finding
         compared = tuple(signals(comparison.left)) + tuple(signals(comparison.right))
         if comparison not in reported and compared and all(map(places.is_constant, compared)):
             reported.add(comparison)
-            yield _never_changes(text, comparison, compared)
+            names = [f"'{name}'" for name in dict.fromkeys(map(str, compared))]
+            never = "never change" if len(names) > 1 else "never changes"
+            message = f"a comparison checks nothing: {' and '.join(names)} {never} in this scenario"
+            use = "name links or objects that move relative to each other"
+            yield ClaimFinding("fixed-base", (), f"{message}; {use}; {place(text, comparison.at)}")
     for constant in constants(formula, partial(possible_in_scene, scene)):
         if reported.isdisjoint(everything(constant.part)):
             yield _always(text, constant)
@@ -303,14 +307,6 @@ def _on_time_alone(formula: Formula) -> Iterator[Formula]:
 def _of_clock(text: str, constant: Constant) -> ClaimFinding:
     message = f"'{constant.part}' waits for a time alone, which comes whatever the robot does"
     return ClaimFinding("unreachable-limit", (), f"{message}; compare another signal; {place(text, constant.at)}")
-
-
-def _never_changes(text: str, comparison: Comparison, compared: Iterable[Signal]) -> ClaimFinding:
-    names = [f"'{name}'" for name in dict.fromkeys(map(str, compared))]
-    never = "never change" if len(names) > 1 else "never changes"
-    message = f"a comparison checks nothing: {' and '.join(names)} {never} in this scenario"
-    use = "name links or objects that move relative to each other"
-    return ClaimFinding("fixed-base", (), f"{message}; {use}; {place(text, comparison.at)}")
 
 
 def _angle_unit(compared: Iterable[Signal]) -> str:

@@ -214,19 +214,16 @@ def name_problems(formula: Formula, scene: Scene) -> Iterator[tuple[int, str]]:
 def _name_problems(signal: Signal, scene: Scene) -> Iterator[str]:
     if signal.source == "frame" or signal.name == "distance":
         for name in signal.names:
-            yield from _frame_problems(name, signal, scene, (*scene.world.names, *scene.frames))
+            bodies = (*scene.world.names, *scene.frames)
+            links = scene.model.links_by_name
+            if name in links and name in bodies:
+                yield f"'{name}' is a link of the robot and an object; rename the object"
+            elif name not in links and name not in bodies:
+                yield f"there is no link or object '{name}'{did_you_mean(name, [*links, *bodies])}"
+            elif name in bodies and signal.name in RATES:
+                yield f"the {signal.name} of an object is not recorded; bound its place, such as {signal.names[0]}.z"
     elif signal.source == "pair":
         yield from _shape_problems(signal, scene, scene.world.names)
-
-
-def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:
-    links = scene.model.links_by_name
-    if name in links and name in bodies:
-        yield f"'{name}' is a link of the robot and an object; rename the object"
-    elif name not in links and name not in bodies:
-        yield f"there is no link or object '{name}'{did_you_mean(name, [*links, *bodies])}"
-    elif name in bodies and signal.name in RATES:
-        yield f"the {signal.name} of an object is not recorded; bound its place, such as {signal.names[0]}.z"
 
 
 def _shape_problems(signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:

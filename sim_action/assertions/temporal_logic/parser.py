@@ -460,7 +460,11 @@ class _Parser:
         if token.path:
             return self._dotted(token)
         if token.text in PAIR_SIGNALS:
-            return self._pair(token)
+            _, forms = PAIR_SIGNALS[token.text]
+            counts = {form.count(",") + 1 if "(" in form else 0 for form in forms}
+            if len(token.names) not in counts or not all(token.names):
+                self._refuse(token, f"expected {' or '.join(forms)}, found {len(token.names) or 'no'} names")
+            return Signal(token.text, at=token.at, source="pair", names=token.names)
         if token.text in READINGS and not token.joint:
             self._refuse(token, f"name the joint: {token.text}(NAME)")
         if token.text not in READINGS and token.text not in BASE_SIGNALS:
@@ -482,14 +486,6 @@ class _Parser:
         if (trouble := why_not_picked(SENSOR_SIGNALS[name], which)) is not None:
             self._refuse(token, trouble.replace("'which': ", f"{quoted(owner)}.{name}.WHICH: "))
         return Signal(name, at=token.at, source="sensor", names=(owner, *rest))
-
-    def _pair(self, token: Token) -> Signal:
-        """Return a signal between links and objects."""
-        _, forms = PAIR_SIGNALS[token.text]
-        counts = {form.count(",") + 1 if "(" in form else 0 for form in forms}
-        if len(token.names) not in counts or not all(token.names):
-            self._refuse(token, f"expected {' or '.join(forms)}, found {len(token.names) or 'no'} names")
-        return Signal(token.text, at=token.at, source="pair", names=token.names)
 
     def _odd_name(self, token: Token) -> str:
         match = _ODD_NAME.match(self._text, token.at)

@@ -215,7 +215,11 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
             if suffix == ".mcap":
                 try:
                     with Reader2(file) as indexed:
-                        is_indexed = _is_indexed(indexed)
+                        # `rosbags` reads only messages in the index. Messages outside of chunks have no index, and
+                        # writers may leave out that of the messages in a chunk.
+                        log: Any = indexed.storage
+                        counts = [sum(chunk.channel_count.values()) for chunk in log.chunks]
+                        is_indexed = bool(counts) and all(counts) and sum(counts) == indexed.message_count
                 except MemoryError:
                     raise
                 except Exception:  # noqa: BLE001 - readers raise many types for damaged logs
@@ -235,15 +239,6 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
     except Exception as error:  # noqa: BLE001 - see above
         what = str(error) or "the log is damaged"
         raise RecordingError(f"the log cannot be read: {type(error).__name__}: {what}") from None
-
-
-def _is_indexed(reader: Any) -> bool:
-    """Return True if the index of an MCAP file has all its messages; `rosbags` reads only those.
-
-    Messages outside of chunks have no index, and writers may leave out that of the messages in a chunk.
-    """
-    counts = [sum(chunk.channel_count.values()) for chunk in reader.storage.chunks]
-    return bool(counts) and all(counts) and sum(counts) == reader.message_count
 
 
 def _unpacked(file: Path, folder: Path) -> Path:

@@ -422,7 +422,9 @@ class MuJoCoBodyControl(BodyControl):
         turning: Any = torque_xyz
         if point_xyz is not None:
             arm = np.subtract(point_xyz, self._model.body_ipos[body])
-            turning = np.add(torque_xyz, np.cross(self._turned(body) @ arm, force_xyz))
+            mujoco.mj_kinematics(self._model, self._data)
+            turned: NDArray[np.float64] = self._data.xmat[body].reshape(3, 3)
+            turning = np.add(torque_xyz, np.cross(turned @ arm, force_xyz))
         # Other sources may act on the same body.
         self._data.xfrc_applied[body] += [*force_xyz, *turning]
         self._pressed.add(body)
@@ -481,25 +483,17 @@ class MuJoCoBodyControl(BodyControl):
             for geom, sign in zip(geoms, (1.0, -1.0), strict=True):
                 twist = self._moving.get(self._names.get(geom, ""))
                 if twist is not None and contacts.efc_address[number] >= 0:
-                    self._correct(self._data.contact[number], sign, geom, twist)
-
-    def _correct(self, contact: Any, sign: float, geom: int, twist: Twist) -> None:
-        """Correct one contact; `sign`: of the body's velocity in the contact's, which is second geom minus first."""
-        arm = np.subtract(contact.pos, self._data.xpos[self._model.geom_bodyid[geom]])
-        velocity = np.add(twist.linear_xyz, np.cross(twist.angular_xyz, arm))
-        along = contact.frame.reshape(3, 3)[: contact.dim] @ velocity
-        rows = slice(contact.efc_address, contact.efc_address + contact.dim)
-        self._data.efc_aref[rows] += sign * self._data.efc_KBIP[rows, 1] * along
+                    contact = self._data.contact[number]
+                    arm = np.subtract(contact.pos, self._data.xpos[self._model.geom_bodyid[geom]])
+                    velocity = np.add(twist.linear_xyz, np.cross(twist.angular_xyz, arm))
+                    along = contact.frame.reshape(3, 3)[: contact.dim] @ velocity
+                    rows = slice(contact.efc_address, contact.efc_address + contact.dim)
+                    self._data.efc_aref[rows] += sign * self._data.efc_KBIP[rows, 1] * along
 
     def _number(self, target: Target) -> int:
         return (
             int(self._model.body(self._name(target.name)).id) if target.is_link else self._objects.number(target.name)
         )
-
-    def _turned(self, body: int) -> NDArray[np.float64]:
-        mujoco.mj_kinematics(self._model, self._data)
-        turned: NDArray[np.float64] = self._data.xmat[body].reshape(3, 3)
-        return turned
 
 
 class BasePusher:
@@ -508,7 +502,14 @@ class BasePusher:
     def __init__(self, compiled: CompiledScene, rate: float) -> None:
         self._model, self._data, self._base = compiled.model, compiled.data, compiled.base
         self._time_step = 1 / rate
-        self._robot = _robot_inertia(compiled)
+        # The inertia of the whole robot with its joints at their present positions.
+        model, data, base = compiled.model, compiled.data, compiled.base
+        inertia = 0.0
+        for body in range(base, model.nbody):
+            if base in _above(model.body_parentid, body):
+                away = np.linalg.norm(data.xipos[body, :2] - data.xipos[base, :2])
+                inertia += float(model.body_mass[body] * away**2 + model.body_inertia[body].min())
+        self._robot = RobotInertia(float(model.body_subtreemass[base]), inertia)
         self._push: BasePush | None = None
 
     def apply(self, push: BasePush) -> None:
@@ -525,17 +526,6 @@ class BasePusher:
         arm = np.subtract(wrench.point_xyz, geometry.compose(pose, Pose((x, y, z))).position_xyz)
         self._data.xfrc_applied[self._base, :3] = wrench.force_xyz
         self._data.xfrc_applied[self._base, 3:] = np.add(wrench.torque_xyz, np.cross(arm, wrench.force_xyz))
-
-
-def _robot_inertia(compiled: CompiledScene) -> RobotInertia:
-    """Return the inertia of the whole robot with its joints at their present positions."""
-    model, data, base = compiled.model, compiled.data, compiled.base
-    inertia = 0.0
-    for body in range(base, model.nbody):
-        if base in _above(model.body_parentid, body):
-            away = np.linalg.norm(data.xipos[body, :2] - data.xipos[base, :2])
-            inertia += float(model.body_mass[body] * away**2 + model.body_inertia[body].min())
-    return RobotInertia(float(model.body_subtreemass[base]), inertia)
 
 
 def _above(parents: NDArray[np.int32], body: int) -> set[int]:

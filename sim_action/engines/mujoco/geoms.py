@@ -281,7 +281,10 @@ def _lowest(model: Any, data: Any, geom: int) -> float:
     a, b, c = model.geom_size[geom]
     kind = model.geom_type[geom]
     if kind == GEOM.mjGEOM_MESH:
-        return z + float((_points(model, geom) * data.geom_xmat[geom][6:9]).sum(axis=1).min())
+        mesh = model.geom_dataid[geom]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        points: FloatArray = model.mesh_vert[first : first + count].astype(np.float64)
+        return z + float((points * data.geom_xmat[geom][6:9]).sum(axis=1).min())
     if kind == GEOM.mjGEOM_BOX:
         return z - float(down[0] * a + down[1] * b + down[2] * c)
     if kind == GEOM.mjGEOM_ELLIPSOID:
@@ -290,13 +293,6 @@ def _lowest(model: Any, data: Any, geom: int) -> float:
         return z - float(down[2] * b + a * np.hypot(down[0], down[1]))
     # Capsule: the half length adds along its axis; sphere: the radius alone.
     return z - float(a + (down[2] * b if kind == GEOM.mjGEOM_CAPSULE else 0.0))
-
-
-def _points(model: Any, geom: int) -> FloatArray:
-    mesh = model.geom_dataid[geom]
-    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    points: FloatArray = model.mesh_vert[first : first + count].astype(np.float64)
-    return points
 
 
 _FLAT: Final = 1e-6  # relative extent below which Qhull finds no volume

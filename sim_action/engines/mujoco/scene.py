@@ -370,7 +370,8 @@ def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
             parts = [joint, *_in_series(model, joint)]
             element = joints[parts[-1].ball or parts[-1].name]
             child = child_of(element)
-            body = _hang(above, joint, child)
+            at = joint.origin
+            body = above.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
             for part in parts:
                 _join(body, part, joints[part.ball or part.name])
             colliders += _fill(spec, body, links[child], model)
@@ -391,11 +392,6 @@ def _in_series(model: RobotModel, joint: Joint) -> Iterator[Joint]:
             return
         yield following
         joint = following
-
-
-def _hang(parent: Any, joint: Joint, child: str) -> Any:
-    at = joint.origin
-    return parent.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
 
 
 def _join(body: Any, joint: Joint, element: Element) -> None:
@@ -441,7 +437,11 @@ def _limits(joint: Joint) -> dict[str, Any]:
 def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collider]:
     inertial = link.find("inertial")
     if inertial is not None and _number(inertial.find("mass"), "value") > 0:
-        weigh(body, _mass_properties(inertial))
+        # The mass properties in the axes of the link: MuJoCo accepts a full tensor in no others.
+        pose, inertia = origin(inertial), inertial.find("inertia")
+        tensor = symmetric(_number(inertia, name) for name in MOMENTS)
+        mass = _number(inertial.find("mass"), "value")
+        weigh(body, MassProperties(mass, pose.position_xyz, turned_tensor(tensor, pose.orientation_xyzw)))
     name = link.attrib["name"]
     surface = model.links_by_name[name].surface
     colliders = []
@@ -453,14 +453,6 @@ def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collid
         )
         colliders += [Collider(geom, name, surface) for geom in added]
     return colliders
-
-
-def _mass_properties(inertial: Element) -> MassProperties:
-    """Return the mass properties in the axes of the link: MuJoCo accepts a full tensor in no others."""
-    pose, inertia = origin(inertial), inertial.find("inertia")
-    tensor = symmetric(_number(inertia, name) for name in MOMENTS)
-    mass = _number(inertial.find("mass"), "value")
-    return MassProperties(mass, pose.position_xyz, turned_tensor(tensor, pose.orientation_xyzw))
 
 
 def _number(element: Element | None, name: str) -> float:

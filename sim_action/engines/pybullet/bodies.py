@@ -368,7 +368,15 @@ class BasePusher:
 
     def __init__(self, client: int, robot: int, rate: float) -> None:
         self._client, self._robot, self._time_step = client, robot, 1 / rate
-        self._inertia = _robot_inertia(client, robot)
+        # The inertia of the whole robot with its joints at their present positions.
+        middle, _ = pybullet.getBasePositionAndOrientation(robot, client)
+        mass = inertia = 0.0
+        for link in range(-1, pybullet.getNumJoints(robot, client)):
+            own_mass, _, own_inertia, *_ = pybullet.getDynamicsInfo(robot, link, client)
+            place = middle if link < 0 else pybullet.getLinkState(robot, link, physicsClientId=client)[0]
+            mass += own_mass
+            inertia += own_mass * math.dist(place[:2], middle[:2]) ** 2 + min(own_inertia)
+        self._inertia = RobotInertia(mass, inertia)
         self.push: BasePush | None = None
 
     def step(self, pose: Pose, twist: Twist) -> None:
@@ -379,15 +387,3 @@ class BasePusher:
         world = pybullet.WORLD_FRAME
         pybullet.applyExternalForce(self._robot, BASE, wrench.force_xyz, wrench.point_xyz, world, self._client)
         pybullet.applyExternalTorque(self._robot, BASE, wrench.torque_xyz, world, self._client)
-
-
-def _robot_inertia(client: int, robot: int) -> RobotInertia:
-    """Return the inertia of the whole robot with its joints at their present positions."""
-    middle, _ = pybullet.getBasePositionAndOrientation(robot, client)
-    mass = inertia = 0.0
-    for link in range(-1, pybullet.getNumJoints(robot, client)):
-        own_mass, _, own_inertia, *_ = pybullet.getDynamicsInfo(robot, link, client)
-        place = middle if link < 0 else pybullet.getLinkState(robot, link, physicsClientId=client)[0]
-        mass += own_mass
-        inertia += own_mass * math.dist(place[:2], middle[:2]) ** 2 + min(own_inertia)
-    return RobotInertia(mass, inertia)

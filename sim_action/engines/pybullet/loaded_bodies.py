@@ -234,7 +234,9 @@ def _load_from_files(client: int, scene: Scene) -> int:
     # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
         if scene.model.hull_files:
-            _check_open_files()
+            with ExitStack() as files:
+                for _ in range(_OPEN_FILES):
+                    files.enter_context(Path(os.devnull).open("rb"))
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
@@ -244,12 +246,6 @@ def _load_from_files(client: int, scene: Scene) -> int:
 
 def _text(scene: Scene) -> bytes:
     return _COLLISION.sub(lambda match: _LOOK + match[0], scene.model.urdf).encode()
-
-
-def _check_open_files() -> None:
-    with ExitStack() as files:
-        for _ in range(_OPEN_FILES):
-            files.enter_context(Path(os.devnull).open("rb"))
 
 
 def _loaded(client: int, path: Path, scene: Scene) -> int:
@@ -308,13 +304,9 @@ def place(client: int, body: int, ground: int, placement: Placement, com_in_link
 
     put(_DROP_HEIGHT_M if placement.z is None else placement.z)
     if placement.z is None:
-        put(_DROP_HEIGHT_M - _height_above(client, ground, body))
-
-
-def _height_above(client: int, ground: int, body: int) -> float:
-    # Bounding boxes are loose for rotated inertial frames; distances are exact.
-    points = pybullet.getClosestPoints(body, ground, 2 * _DROP_HEIGHT_M, physicsClientId=client)
-    return min((float(point[8]) for point in points), default=_DROP_HEIGHT_M)
+        # Bounding boxes are loose for rotated inertial frames; distances are exact.
+        points = pybullet.getClosestPoints(body, ground, 2 * _DROP_HEIGHT_M, physicsClientId=client)
+        put(_DROP_HEIGHT_M - min((float(point[8]) for point in points), default=_DROP_HEIGHT_M))
 
 
 def _set_dynamics(client: int, body: int, link: int, **dynamics: float) -> None:
