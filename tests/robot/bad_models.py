@@ -35,8 +35,9 @@ GOOD = f"""\
 _BALL = GOOD.replace("revolute", "ball").replace('<limit lower="-1" upper="2" effort="10" velocity="3"/>', "")
 _FRAME = _SPARE.replace('mass value="1"', 'mass value="0"')
 _PLANAR, _FLOATING = (_BALL.replace('"ball"', f'"{kind}"') for kind in ("planar", "floating"))
+_UNIVERSAL = _BALL.replace('"ball"', '"universal"').replace("</joint>", '<axis2 xyz="0 0 0"/></joint>')
 _SPHERE = '<sphere radius="0.5"/>'
-_JOINT = '<joint name="shoulder" type="revolute">'
+_SHAPE = f"<collision><geometry>{_SPHERE}</geometry></collision>"
 _END = "</robot>"
 _TURNS = '<parent link="base"/><child link="spare"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
 _HINGE = f'<joint name="j" type="revolute">{_TURNS}</joint>'
@@ -85,9 +86,9 @@ def _chain(count: int, kind: str = "fixed") -> str:
     return f"{links}{joints}{_END}"
 
 
-_BOUNCE = (
-    "<collision><surface><bounce><restitution_coefficient>0.2</restitution_coefficient></bounce></surface></collision>"
-)
+_BOUNCE = "<surface><bounce><restitution_coefficient>0.2</restitution_coefficient></bounce></surface>"
+_DECLARED = '<?xml version="1.0"?>'
+_DRAWN = "<visual>{}<geometry>{}</geometry></visual></link>"
 
 BAD_MODELS = [
     _bad("bad-xml", 23, _END, ""),
@@ -99,9 +100,7 @@ BAD_MODELS = [
     _bad("bad-xml", 2, "<robot", '\n<?xml version="1.0"?><?xml version="1.0"?><robot', "two declarations"),
     _bad("bad-xml", 2, "<robot", '\n<?xml version="1.0"?><!DOCTYPE robot><robot', "a DOCTYPE after a late declaration"),
     _bad("late-declaration", 2, "<robot", '\n<?xml version="1.0"?><robot', "a blank line before the declaration"),
-    _bad(
-        "late-declaration", 2, "<robot", '<!--\n--><?xml version="1.0" encoding="utf-8"?><robot', "a comment before it"
-    ),
+    _bad("late-declaration", 2, "<robot", f"<!--\n-->{_DECLARED}<robot", "a comment before it"),
     _bad("bad-xml", 1, "<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot'),
     _bad("bad-xml", 1, "<robot", '<?xml version="1.0" encoding="nonsense"?><robot'),
     _bad("bad-xml", 22, _END, "<a>" * 200 + "</a>" * 200 + _END, "deep"),
@@ -130,7 +129,13 @@ BAD_MODELS = [
     _bad("missing-part", 15, '<parent link="base"/>', "<parent/>"),
     _bad("bad-number", 5, 'value="2"', 'value="nan"'),
     _bad("restitution", 12, "  </link>", '  <contact><restitution value="0.9"/></contact></link>', "a ball"),
-    _bad("restitution", 22, _END, f"<gazebo reference='base'>{_BOUNCE}</gazebo>{_END}", "bounces in Gazebo"),
+    _bad(
+        "restitution",
+        22,
+        _END,
+        f"<gazebo reference='base'><collision>{_BOUNCE}</collision></gazebo>{_END}",
+        "bounces in Gazebo",
+    ),
     _bad("bad-number", 5, 'value="2"', 'value="1e999"'),
     _bad("bad-number", 5, 'value="2"', 'value="2 kg"'),
     _bad("bad-number", 5, 'value="2"', 'value="\u0661"'),
@@ -178,25 +183,12 @@ BAD_MODELS = [
     _bad("passed-over", 14, "revolute", "planar", "limits of a planar joint"),
     BadModel("two names of a planar joint", "duplicate-name", 14, _PLANAR.replace('"upper"', '"shoulder_turn"')),
     BadModel("two names of a floating joint", "duplicate-name", 14, _FLOATING.replace('"upper"', '"shoulder_y"')),
-    BadModel(
-        "a second axis of length 0",
-        "zero-axis",
-        21,
-        _FLOATING.replace("floating", "universal").replace(
-            "</joint>", '<axis xyz="1 0 0"/><axis2 xyz="0 0 0"/></joint>'
-        ),
-    ),
+    BadModel("a second axis of length 0", "zero-axis", 21, _UNIVERSAL),
     _bad("missing-part", 21, "</joint>", "<mimic/></joint>"),
     _bad("bad-number", 21, "</joint>", '<mimic joint="elbow" offset="half"/></joint>'),
     _bad("bad-mimic", 14, "</joint>", '<mimic joint="elbow"/></joint>'),
     _bad("bad-mimic", 14, "</joint>", '<mimic joint="shoulder"/></joint>', "mimics itself"),
-    _bad(
-        "still-mimic",
-        14,
-        "</joint>",
-        f'<mimic joint="j"/></joint>{_SPARE}{_fixed("j", "base", "spare")}',
-        "of a fixed one",
-    ),
+    _bad("still-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_fixed("j", "base", "spare")}', "of one"),
     _bad("still-mimic", 14, "</joint>", f'<mimic joint="j" multiplier="0"/></joint>{_SPARE}{_HINGE}', "times zero"),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_HINGE_AFTER}', "each other"),
     _bad("zero-limit", 19, 'effort="10"', 'effort="0"'),
@@ -226,13 +218,8 @@ BAD_MODELS = [
     _bad("outside-workspace", 10, _SPHERE, '<mesh filename="../../outside.stl"/>'),
     _bad("bad-reference", 10, _SPHERE, f'<mesh filename="{"a" * 300}.stl"/>', "a long name"),
     _bad("missing-package", 10, _SPHERE, '<mesh filename="package://absent/a.stl"/>'),
-    _bad(
-        "outside-workspace",
-        12,
-        "</link>",
-        '<visual><geometry><mesh filename="../../a.dae"/></geometry></visual></link>',
-    ),
-    _bad("missing-visual", 12, "</link>", '<visual><geometry><mesh filename="a.dae"/></geometry></visual></link>'),
+    _bad("outside-workspace", 12, "</link>", _DRAWN.format("", '<mesh filename="../../a.dae"/>'), "a visual"),
+    _bad("missing-visual", 12, "</link>", _DRAWN.format("", '<mesh filename="a.dae"/>')),
     _bad("unlimited-joint", 14, '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n', "", "no limit"),
     _bad("continuous-limits", 19, "revolute", "continuous"),
     _bad("missing-limits", 19, 'lower="-1" upper="2" ', ""),
@@ -248,24 +235,14 @@ BAD_MODELS = [
     _bad("rounded-inertia", 6, 'ixx="1" ixy="0" ixz="0" iyy="1"', 'ixx="0.2" ixy="0" ixz="0" iyy="0.7"', "one digit"),
     _bad("zero-inertia", 6, _INERTIA, _scaled(0.0)),
     _bad("default-expression", 17, "0 0 1", "$(optenv ARM_XYZ 0 0 0.5)"),
-    _bad(
-        "passed-over",
-        12,
-        "</link>",
-        '<visual><origin xyz="0 0 ${z}"/><geometry><sphere radius="1"/></geometry></visual></link>',
-    ),
+    _bad("passed-over", 12, "</link>", _DRAWN.format('<origin xyz="0 0 ${z}"/>', _SPHERE)),
     _bad("unused-sensor", 22, _END, '<gazebo reference="upper"><sensor type="ray" name="lidar"/></gazebo>' + _END),
     _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="-1"'),
     _bad("impossible-inertia", 6, 'ixy="0"', 'ixy="2"'),
     _bad("uneven-inertia", 6, 'ixx="1"', 'ixx="3"'),
     _bad("uneven-inertia", 6, 'ixx="1"', 'ixx="3000"', "far off"),
     _bad("uneven-inertia", 6, 'ixx="1" ixy="0" ixz="0" iyy="1"', 'ixx="0" ixy="0" ixz="0" iyy="3"', "a thin plate"),
-    BadModel(
-        "massless-model",
-        "massless-model",
-        1,
-        f'<robot name="a"><link name="b"><collision><geometry>{_SPHERE}</geometry></collision></link></robot>',
-    ),
+    BadModel("massless-model", "massless-model", 1, f'<robot name="a"><link name="b">{_SHAPE}</link></robot>'),
     _bad("odd-angle", 17, 'rpy="0 0 0"', 'rpy="0 90 0"'),
     _bad("odd-angle", 9, 'xyz="1 2 3"', 'rpy="0 0 -180"'),
     _bad("odd-limits", 19, 'lower="-1" upper="2"', 'lower="-90" upper="90"'),

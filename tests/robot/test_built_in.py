@@ -7,10 +7,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sim_action import drives
-from sim_action.core.geometry import compose, conjugate, rotate
+from sim_action.core.geometry import Pose, compose, conjugate, rotate
 from sim_action.core.workspace import Workspace
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.wheels import centre_of_mass
@@ -19,8 +18,7 @@ from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
-
-Matrix = NDArray[np.float64]
+from tests.robot.independent_readers import Matrix, turn_of_rpy
 
 
 def model_of(name: str) -> RobotModel:
@@ -30,14 +28,6 @@ def model_of(name: str) -> RobotModel:
 def numbers(element: ET.Element | None, name: str) -> Matrix:
     text = "0 0 0" if element is None else element.get(name, "0 0 0")
     return np.array([float(number) for number in text.split()])
-
-
-def turned_about(axis: int, angle: float) -> Matrix:
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[one, one] = matrix[other, other] = math.cos(angle)
-    matrix[other, one], matrix[one, other] = math.sin(angle), -math.sin(angle)
-    return matrix
 
 
 def shape_figures(visual: ET.Element) -> tuple[float, Matrix, Matrix]:
@@ -53,8 +43,7 @@ def shape_figures(visual: ET.Element) -> tuple[float, Matrix, Matrix]:
     else:
         radius = float(shape.attrib["radius"])
         volume, moments = 4 / 3 * math.pi * radius**3, np.full(3, 0.4 * radius**2)
-    roll, pitch, yaw = numbers(origin, "rpy")
-    turned = turned_about(2, yaw) @ turned_about(1, pitch) @ turned_about(0, roll)
+    turned = turn_of_rpy(*numbers(origin, "rpy"))
     return volume, numbers(origin, "xyz"), turned @ np.diag(moments) @ turned.T
 
 
@@ -117,10 +106,8 @@ def test_the_car_has_the_published_mass_distribution_and_turning_radius() -> Non
     poses, moment = link_poses(model, model.positions({})), 0.0
     inertias = {link.get("name"): link.find("inertial/inertia") for link in ET.fromstring(model.urdf).iterfind("link")}
     for link in model.links:
-        at, tensor = (
-            compose(poses[link.name], type(poses[link.name])(link.centre_of_mass_xyz)).position_xyz,
-            inertias[link.name],
-        )
+        at = compose(poses[link.name], Pose(link.centre_of_mass_xyz)).position_xyz
+        tensor = inertias[link.name]
         assert tensor is not None
         moment += float(tensor.attrib["izz"]) + (link.mass or 0.0) * ((at[0] - x) ** 2 + (at[1] - y) ** 2)
     assert moment == pytest.approx(0.04712, rel=0.01)
@@ -165,7 +152,7 @@ def test_the_grippers_fingers_meet_in_the_middle_of_the_flange() -> None:
             assert (x, y) == pytest.approx((sign * width / 2, 0.0), abs=1e-9)
 
 
-def test_the_quadruped_has_the_published_mass_lengths_and_motors() -> None:
+def test_the_quadruped_has_the_published_mass_lengths_motors_and_inertia() -> None:
     model = model_of("quadruped")
     assert model.mass == pytest.approx(9.0)
     moving = list(model.moving_joints)
@@ -175,12 +162,9 @@ def test_the_quadruped_has_the_published_mass_lengths_and_motors() -> None:
         assert joint.max_effort == pytest.approx(17 * ratio, rel=0.02)
         assert joint.max_velocity == pytest.approx(40 / ratio, rel=0.02)
     stretched = link_poses(model, model.positions({}))
-    for foot, (x, y) in {
-        f"{end}_{side}_foot": (ahead, left)
-        for end, ahead in (("front", 0.19), ("rear", -0.19))
-        for side, left in (("left", 0.111), ("right", -0.111))
-    }.items():
-        assert stretched[foot].position_xyz == pytest.approx((x, y, -0.209 - 0.175))
+    for end, x in (("front", 0.19), ("rear", -0.19)):
+        for side, y in (("left", 0.111), ("right", -0.111)):
+            assert stretched[f"{end}_{side}_foot"].position_xyz == pytest.approx((x, y, -0.209 - 0.175))
     # A positive thigh moves the knee backwards, and a negative knee brings the foot below the hip again.
     bent = link_poses(model, model.positions({"front_left_thigh": math.radians(40), "front_left_knee": -math.pi / 2}))
     assert bent["front_left_shank"].position_xyz[0] == pytest.approx(0.19 - 0.209 * math.sin(math.radians(40)))
@@ -188,10 +172,7 @@ def test_the_quadruped_has_the_published_mass_lengths_and_motors() -> None:
     # A positive hip turns the leg to the left.
     aside = link_poses(model, model.positions({"front_left_hip": 0.3}))
     assert aside["front_left_foot"].position_xyz[1] > 0.2
-
-
-def test_the_trunk_of_the_quadruped_has_the_published_inertia() -> None:
-    trunk = ET.fromstring(model_of("quadruped").urdf).find("link[@name='trunk']/inertial")
+    trunk = ET.fromstring(model.urdf).find("link[@name='trunk']/inertial")
     assert trunk is not None
     tensor, mass = trunk.find("inertia"), trunk.find("mass")
     assert tensor is not None

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import RefusedModel
-from sim_action.robot.model.findings import Finding
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
@@ -22,6 +21,20 @@ def collision(inside: str) -> str:
     return sdf(f'<link name="a">{INERTIAL}\n<collision name="c">{surface}{GEOMETRY}</collision></link>')
 
 
+DECAYS = [("<linear>0.1</linear>", "<linear>0</linear>"), ("<angular>1</angular>", "")]
+BULLET, ROLLING = (
+    "<bullet><friction>0.2</friction></bullet>",
+    "<bullet><rolling_friction>{}</rolling_friction></bullet>",
+)
+FRICTIONS = [
+    ("<torsional><coefficient>1</coefficient></torsional>", ""),
+    *((f"<ode><{tag}>0.1</{tag}></ode>", f"<ode><{tag}>0</{tag}></ode>") for tag in ("slip1", "slip2")),
+    (ROLLING.format(1), ROLLING.format(0)),
+    (BULLET, f"<ode><mu>0.2</mu></ode>{BULLET}"),
+    ("<ode><fdir1>1 0 0</fdir1></ode>", "<ode><fdir1>0 0 0</fdir1></ode>"),
+]
+
+
 @pytest.mark.parametrize(
     ("odd", "usual"),
     [
@@ -29,11 +42,10 @@ def collision(inside: str) -> str:
         ("<kinematic>1</kinematic>", "<kinematic>0</kinematic>"),
         ("<self_collide>true</self_collide>", "<self_collide>false</self_collide>"),
         ("<enable_wind>true</enable_wind>", "<enable_wind>0</enable_wind>"),
-        (
-            "<velocity_decay><linear>0.1</linear></velocity_decay>",
-            "<velocity_decay><linear>0</linear></velocity_decay>",
+        *(
+            (f"<velocity_decay>{odd}</velocity_decay>", f"<velocity_decay>{usual}</velocity_decay>")
+            for odd, usual in DECAYS
         ),
-        ("<velocity_decay><angular>1</angular></velocity_decay>", "<velocity_decay/>"),
     ],
 )
 def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: Path) -> None:
@@ -44,21 +56,7 @@ def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: 
 @pytest.mark.parametrize(
     ("odd", "usual"),
     [
-        ("<friction><torsional><coefficient>1</coefficient></torsional></friction>", "<friction/>"),
-        ("<friction><ode><slip1>0.1</slip1></ode></friction>", "<friction><ode><slip1>0</slip1></ode></friction>"),
-        ("<friction><ode><slip2>0.1</slip2></ode></friction>", "<friction><ode><slip2>0</slip2></ode></friction>"),
-        (
-            "<friction><bullet><rolling_friction>1</rolling_friction></bullet></friction>",
-            "<friction><bullet><rolling_friction>0</rolling_friction></bullet></friction>",
-        ),
-        (
-            "<friction><bullet><friction>0.2</friction></bullet></friction>",
-            "<friction><ode><mu>0.2</mu></ode><bullet><friction>0.2</friction></bullet></friction>",
-        ),
-        (
-            "<friction><ode><fdir1>1 0 0</fdir1></ode></friction>",
-            "<friction><ode><fdir1>0 0 0</fdir1></ode></friction>",
-        ),
+        *((f"<friction>{odd}</friction>", f"<friction>{usual}</friction>") for odd, usual in FRICTIONS),
         ("<soft_contact/>", "<contact><ode><min_depth>0.01</min_depth></ode></contact>"),
     ],
 )
@@ -101,12 +99,9 @@ def test_how_a_joint_moves_and_is_not_simulated_to(odd: str, usual: str, tmp_pat
     assert (found(odd), found(usual)) == (["passed-over"], [])
 
 
-def test_wind_and_touching_itself_are_passed_over_for_a_model(tmp_path: Path) -> None:
+def test_wind_touching_itself_and_water_that_moves_along_are_passed_over_for_a_model(tmp_path: Path) -> None:
     model = load(tmp_path, sdf("<enable_wind>1</enable_wind>", "<self_collide>1</self_collide>", link("a")))
     assert sorted(finding.location.line or 0 for finding in model.findings) == [3, 4]
-
-
-def test_water_that_moves_along_is_passed_over(tmp_path: Path) -> None:
     wet = link("a").replace("</inertial>", "<fluid_added_mass><xx>1</xx></fluid_added_mass></inertial>")
     assert rules(load(tmp_path, sdf(wet))) == ["passed-over"]
 
@@ -143,10 +138,8 @@ def test_parts_of_one_kind_are_one_note(tmp_path: Path) -> None:
     joints = (joint("i", "a", "b"), joint("j", "b", "c"))
     first, second = load(tmp_path, sdf(*light, *joints)).findings
     assert (first.location.line, second.location.line) == (3, 3)
-    assert first.message == (
-        "<gravity>false</gravity> of link 'a' is not simulated; it is ignored: the link falls "
-        "(3 of them; lines 3, 4, 5)"
-    )
+    ignored = "<gravity>false</gravity> of link 'a' is not simulated; it is ignored: the link falls"
+    assert first.message == f"{ignored} (3 of them; lines 3, 4, 5)"
     assert second.message.startswith("<kinematic>")
 
 
@@ -164,14 +157,6 @@ def read(folder: Path, more: str) -> RobotModel:
     return read_urdf(written(folder / "robot.urdf", GOOD.replace("</robot>", f"{more}</robot>")))
 
 
-def findings(folder: Path, more: str) -> tuple[Finding, ...]:
-    return read(folder, more).findings
-
-
-def rules_of(folder: Path, more: str) -> list[str]:
-    return [found.rule for found in findings(folder, more)]
-
-
 @pytest.mark.parametrize(
     ("odd", "usual"),
     [
@@ -187,23 +172,23 @@ def rules_of(folder: Path, more: str) -> list[str]:
     ],
 )
 def test_parts_of_a_link_that_are_not_simulated(odd: str, usual: str, tmp_path: Path) -> None:
-    assert rules_of(tmp_path, f'<gazebo reference="upper">{odd}</gazebo>') == ["passed-over"]
-    assert rules_of(tmp_path, f'<gazebo reference="upper">{usual}<material>Gazebo/Blue</material></gazebo>') == []
+    assert rules(read(tmp_path, f'<gazebo reference="upper">{odd}</gazebo>')) == ["passed-over"]
+    assert rules(read(tmp_path, f'<gazebo reference="upper">{usual}<material>Gazebo/Blue</material></gazebo>')) == []
 
 
 def test_parts_without_an_effect_on_the_motion_are_not_named(tmp_path: Path) -> None:
     feedback = "<provideFeedback>true</provideFeedback><stopCfm>0.1</stopCfm><disableFixedJointLumping/>"
     drawn = "<visual><material/></visual><minDepth>0.001</minDepth><maxContacts>1</maxContacts><kp>1e6</kp>"
     both = f'<gazebo reference="shoulder">{feedback}</gazebo><gazebo reference="upper">{drawn}</gazebo>'
-    assert rules_of(tmp_path, both) == []
+    assert rules(read(tmp_path, both)) == []
 
 
 def test_forces_of_plugins_and_parts_of_other_models_are_named(tmp_path: Path) -> None:
     force = '<plugin name="push" filename="libgazebo_ros_force.so"/>'
     moves = '<plugin name="drive" filename="libhector_gazebo_ros_force_based_move.so"/>'
-    (found,) = findings(tmp_path, f"<gazebo>{force}{moves}</gazebo>")
+    (found,) = read(tmp_path, f"<gazebo>{force}{moves}</gazebo>").findings
     assert found.message == "the force of plugin 'push' is not simulated; it is ignored"
-    assert rules_of(tmp_path, '<gazebo><joint name="closing" type="revolute"/></gazebo>') == ["passed-over"]
+    assert rules(read(tmp_path, '<gazebo><joint name="closing" type="revolute"/></gazebo>')) == ["passed-over"]
 
 
 @pytest.mark.parametrize(
@@ -211,7 +196,7 @@ def test_forces_of_plugins_and_parts_of_other_models_are_named(tmp_path: Path) -
     [("mu_1", "mu1"), ("mu", "mu1"), ("turngravityoff", "turnGravityOff"), ("selfCollid", "selfCollide")],
 )
 def test_a_misspelled_part_is_named_with_the_nearest_name(typo: str, meant: str, tmp_path: Path) -> None:
-    (found,) = findings(tmp_path, f'<gazebo reference="upper"><{typo}>0.0</{typo}></gazebo>')
+    (found,) = read(tmp_path, f'<gazebo reference="upper"><{typo}>0.0</{typo}></gazebo>').findings
     assert found.rule == "unknown-tag"
     assert found.message == f"unknown element <{typo}> in <gazebo> is ignored; did you mean <{meant}>?"
 

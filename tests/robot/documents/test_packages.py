@@ -78,11 +78,7 @@ def test_the_map_of_the_scenario_comes_first_and_needs_no_package_xml(ros: RosWo
 @pytest.mark.parametrize(
     ("stated", "rule", "message"),
     [
-        (
-            "../vendor",
-            "missing-package",
-            r"'rover: \.\./vendor' in robot\.packages is not a folder \(looked for .*/vendor",
-        ),
+        ("../vendor", "missing-package", r"'rover: \.\./vendor' in robot\.packages is not a folder \(looked for .*/ve"),
         ("drive.sim.yml", "missing-package", "is not a folder"),
         ("../../elsewhere", "outside-workspace", r"is outside the workspace .*; allow it with --allow-outside"),
         ("a\0b", "missing-package", "is not a valid path: .*embedded null"),
@@ -102,12 +98,8 @@ def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWork
     near = ros_package(ros.root / "src/zz/rover_arm")
     found = ros.packages().find("rover_arm", ros.rover)
     assert found.path == near
-    assert [note.text for note in found.notes] == [
-        (
-            f"2 packages have the same name: {near} is used, because it is nearest to rover.urdf.xacro, not {far}; "
-            "set robot.packages to choose one"
-        )
-    ]
+    reason = f"{near} is used, because it is nearest to rover.urdf.xacro, not {far}; set robot.packages to choose one"
+    assert [note.text for note in found.notes] == [f"2 packages have the same name: {reason}"]
     assert ros.packages().find("rover_arm", ros.root / "another/robot.urdf").path == far
     # Of equally near ones, the first in the order of the alphabet.
     first = ros_package(ros.root / "src/aa/rover_arm")
@@ -123,18 +115,17 @@ def test_folders_that_ros_ignores_are_ignored(marker: str, ros: RosWorkspace) ->
         ros.packages().find("rover_arm", ros.rover)
 
 
-def test_a_package_in_another_is_found(ros: RosWorkspace) -> None:
-    ros_package(ros.root, "everything")
-    assert ros.packages().find("rover_sensors", ros.root / "robot.urdf").path == ros.sensors
-
-
-def test_links_to_folders_are_not_followed(ros: RosWorkspace, elsewhere: Path) -> None:
+def test_a_package_in_another_is_found_and_links_to_folders_are_not_followed(
+    ros: RosWorkspace, elsewhere: Path
+) -> None:
     ros_package(elsewhere / "rover_arm")
     (ros.root / "src/linked").symlink_to(elsewhere)
     (ros.root / "src/circle").symlink_to(ros.root)
     with pytest.raises(PackageError):
         ros.packages().find("rover_arm", ros.rover)
     assert ros.packages().find("rover_sensors", ros.rover).notes == ()
+    ros_package(ros.root, "everything")
+    assert ros.packages().find("rover_sensors", ros.root / "robot.urdf").path == ros.sensors
 
 
 def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked_for(ros: RosWorkspace) -> None:
@@ -167,26 +158,27 @@ def test_a_package_of_the_caller_comes_first_and_may_be_outside(ros: RosWorkspac
             packages.resolve(f"package://rover_sensors/{path}", ros.rover)
 
 
-def test_what_was_found_is_kept(ros: RosWorkspace) -> None:
-    packages = ros.packages()
+def test_what_was_found_is_kept_and_goes_to_a_child_process(ros: RosWorkspace) -> None:
+    packages = ros.packages({"a": "b"}, {"ROS_PACKAGE_PATH": "/x"})
     packages.find("rover_sensors", ros.rover)
+    assert pickle.loads(pickle.dumps(packages)) == packages
     ros_package(ros.root / "src/rover_arm")
     with pytest.raises(PackageError):
         packages.find("rover_arm", ros.rover)
     assert ros.packages().find("rover_arm", ros.rover)
 
 
-def test_packages_go_to_a_child_process(ros: RosWorkspace) -> None:
-    packages = ros.packages({"a": "b"}, {"ROS_PACKAGE_PATH": "/x"})
-    packages.find("rover_sensors", ros.rover)
-    assert pickle.loads(pickle.dumps(packages)) == packages
-
-
-def test_a_model_is_a_folder_of_that_name(ros: RosWorkspace) -> None:
+def test_a_model_is_a_folder_or_a_package_of_that_name(ros: RosWorkspace) -> None:
     folder = gazebo_model(ros.root / "models/table")
     packages = ros.packages()
     assert packages.find_model("table", ros.rover).path == folder
     assert packages.resolve("model://table/model.sdf", ros.rover).path == folder / "model.sdf"
+    found = packages.resolve("model://rover_sensors/meshes/lidar.stl", ros.rover)
+    assert found.path == ros.sensors / "meshes/lidar.stl"
+    with pytest.raises(PackageError, match=r"refers to the model 'tabel', .*did you mean 'table'\?") as raised:
+        packages.resolve("model://tabel/model.sdf", ros.rover)
+    assert raised.value.rule == "missing-package"
+    assert "GAZEBO_MODEL_PATH (not set), GZ_SIM_RESOURCE_PATH (not set), ROS_PACKAGE_PATH" in str(raised.value)
 
 
 @pytest.mark.parametrize("variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"])
@@ -212,36 +204,16 @@ def test_git_folders_of_models_of_the_machine_are_not_read(
             packages.resolve(reference, ros.rover)
 
 
-def test_a_package_serves_as_a_model(ros: RosWorkspace) -> None:
-    found = ros.packages().resolve("model://rover_sensors/meshes/lidar.stl", ros.rover)
-    assert found.path == ros.sensors / "meshes/lidar.stl"
-
-
-def test_a_missing_model_is_told(ros: RosWorkspace) -> None:
-    gazebo_model(ros.root / "models/table")
-    with pytest.raises(PackageError, match=r"refers to the model 'tabel', .*did you mean 'table'\?") as raised:
-        ros.packages().resolve("model://tabel/model.sdf", ros.rover)
-    assert raised.value.rule == "missing-package"
-    assert "GAZEBO_MODEL_PATH (not set), GZ_SIM_RESOURCE_PATH (not set), ROS_PACKAGE_PATH" in str(raised.value)
-
-
 def test_references_lead_to_files(ros: RosWorkspace) -> None:
     packages = ros.packages()
     mesh = ros.description / "meshes/base.stl"
-    for reference in (
-        "package://rover_description/meshes/base.stl",
-        "../meshes/base.stl",
-        f"file://{mesh}",
-        f"file://localhost{mesh}",
-        str(mesh),
-    ):
+    named = ("package://rover_description/meshes/base.stl", "../meshes/base.stl")
+    for reference in (*named, f"file://{mesh}", f"file://localhost{mesh}", str(mesh)):
         assert packages.resolve(reference, ros.rover).path == mesh
-
-
-def test_a_relative_path_begins_at_the_real_place_of_the_file_that_refers(ros: RosWorkspace) -> None:
+    # A relative path begins at the real place of the file that refers.
     link = ros.root / "robot.xacro"
     link.symlink_to(ros.rover)
-    assert ros.packages().resolve("../meshes/base.stl", link).path == ros.description / "meshes/base.stl"
+    assert packages.resolve("../meshes/base.stl", link).path == mesh
 
 
 def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
@@ -251,6 +223,10 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
     assert packages.resolve("package://rover_description/meshes/left%20arm.stl", ros.rover).path == spaced
     assert packages.resolve("package://rover_description/meshes/left arm.stl", ros.rover).path == spaced
     assert packages.resolve("package://rover_description/meshes/left%20arm 2.stl", ros.rover).path == percent
+
+
+AWAY = "../../../../elsewhere/a.stl"
+BETTER = "a path relative to the referring file, or package://"
 
 
 @pytest.mark.parametrize(
@@ -264,28 +240,16 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         ("package:///mesh/base.stl", "missing-package", "the package 'mesh', which was not found"),
         ("model://rover_description/", "bad-reference", "names no file"),
         (
-            "http://example.org/a.stl",
+            "http://a.org/a.stl",
             "bad-reference",
-            "is not a valid reference; allowed are package://name/path, model://name/path, ",
+            "is not a valid reference; allowed are package://name/path, model://na",
         ),
-        (
-            "file://meshes/a.stl",
-            "bad-reference",
-            "needs an absolute path; write file:///meshes/a.stl, or 'meshes/a.stl'",
-        ),
+        ("file://meshes/a.stl", "bad-reference", "needs an absolute path; write file:///meshes/a.stl, or 'meshes/a."),
         ("a\0b", "bad-reference", "is not a valid path: .*embedded null"),
         ("a" * 300, "bad-reference", "is not a valid path: .*File name too long"),
         ("package://rover_description/../../../elsewhere/a.stl", "outside-workspace", "is outside the workspace"),
-        (
-            "../../../../elsewhere/a.stl",
-            "outside-workspace",
-            r"is outside .* \(it is .*/elsewhere/a.stl\); allow it with --allow",
-        ),
-        (
-            "file:///etc/passwd",
-            "outside-workspace",
-            r"with --allow-outside .* packages\); better: a path relative to the referring file, or package://",
-        ),
+        (AWAY, "outside-workspace", r"is outside .* \(it is .*/elsewhere/a.stl\); allow it with --allow"),
+        ("file:///etc/passwd", "outside-workspace", rf"with --allow-outside .* packages\); better: {BETTER}"),
         ("/etc/passwd", "outside-workspace", "or package://, works on every machine$"),
         ("link.stl", "outside-workspace", "is outside"),
         ("package:/arm/a.stl", "missing-package", "the package 'arm', which was not found"),
@@ -304,7 +268,7 @@ def test_what_leads_to_no_file_is_refused(
     assert raised.value.rule == rule
 
 
-@pytest.mark.parametrize("reference", ["../../../../elsewhere/a.stl", "link.stl", "package://arm/a.stl"])
+@pytest.mark.parametrize("reference", [AWAY, "link.stl", "package://arm/a.stl"])
 def test_allow_outside_lifts_the_bounds(reference: str, ros: RosWorkspace, elsewhere: Path) -> None:
     written(elsewhere / "a.stl", "")
     (ros.description / "urdf/link.stl").symlink_to(elsewhere / "a.stl")
@@ -331,9 +295,8 @@ def test_provided_packages_lead_nowhere_else(ros: RosWorkspace, elsewhere: Path)
     (arm / "link.txt").symlink_to(secret)
     model = gazebo_model(elsewhere / "models/table")
     written(elsewhere / "models/loose.txt", "")
-    packages = ros.packages(
-        environment={"ROS_PACKAGE_PATH": f"{elsewhere}/src", "GAZEBO_MODEL_PATH": f"{elsewhere}/models"}
-    )
+    environment = {"ROS_PACKAGE_PATH": f"{elsewhere}/src", "GAZEBO_MODEL_PATH": f"{elsewhere}/models"}
+    packages = ros.packages(environment=environment)
     for reference, referrer in (
         ("../../secret.txt", arm / "arm.urdf"),
         ("../loose.txt", arm / "arm.urdf"),
@@ -346,18 +309,11 @@ def test_provided_packages_lead_nowhere_else(ros: RosWorkspace, elsewhere: Path)
         with pytest.raises(PackageError) as raised:
             packages.resolve(reference, referrer)
         assert raised.value.rule == "outside-workspace", reference
-
-
-def test_a_package_beside_the_named_folders_is_not_provided(ros: RosWorkspace, elsewhere: Path) -> None:
+    # A package beside the named folders is not provided.
     other = written(ros_package(elsewhere / "src2/arm") / "a.stl", "")
-    (elsewhere / "src").mkdir()
     with pytest.raises(PackageError, match="outside the workspace"):
-        ros.packages(environment={"ROS_PACKAGE_PATH": f"{elsewhere}/src"}).resolve(str(other), ros.rover)
-
-
-def test_a_provided_package_refers_to_the_workspace(ros: RosWorkspace, elsewhere: Path) -> None:
-    arm = ros_package(elsewhere / "arm")
-    packages = ros.packages(environment={"ROS_PACKAGE_PATH": str(elsewhere)})
+        packages.resolve(str(other), ros.rover)
+    # It may refer to the workspace.
     found = packages.resolve("package://rover_sensors/meshes/lidar.stl", arm / "arm.urdf")
     assert found.path == ros.sensors / "meshes/lidar.stl"
 
@@ -442,12 +398,10 @@ def test_a_package_xml_may_not_be_a_link_into_git(ros: RosWorkspace) -> None:
 def test_a_package_xml_that_says_no_name_leaves_the_folders(text: str, name: str, tmp_path: Path) -> None:
     written(tmp_path / "folder/package.xml", text)
     assert package_name(tmp_path / "folder") == name
-
-
-def test_a_pipe_in_place_of_package_xml_holds_nobody_up(tmp_path: Path) -> None:
-    (tmp_path / "folder").mkdir()
-    os.mkfifo(tmp_path / "folder/package.xml")
-    assert package_name(tmp_path / "folder") == "folder"
+    # A pipe in its place holds nobody up.
+    (tmp_path / "other").mkdir()
+    os.mkfifo(tmp_path / "other/package.xml")
+    assert package_name(tmp_path / "other") == "other"
 
 
 def test_too_many_folders_are_said_to_be_too_many(ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -461,12 +415,10 @@ def test_what_is_too_deep_is_not_looked_into(tmp_path: Path) -> None:
     deep = tmp_path.joinpath(*"abcdefghijklmnopq")
     ros_package(deep.parent)
     found = folders_below(tmp_path, inside_packages=True)
-    assert found.complete
-    assert "p" in found.packages
+    assert (found.complete, "p" in found.packages) == (True, True)
     ros_package(deep)
     found = folders_below(tmp_path, inside_packages=True)
-    assert not found.complete
-    assert "q" not in found.packages
+    assert (found.complete, "q" in found.packages) == (False, False)
 
 
 def found(folder: Path, reference: str) -> Path:
@@ -490,10 +442,7 @@ def test_the_newest_version_that_is_read_counts(tmp_path: Path) -> None:
     versions = {"a": "1.5", "b": "1.10", "c": "1.9", "d": "2.0"}
     manifest(tmp_path, "".join(f'<sdf version="{version}"> {name}.sdf </sdf>' for name, version in versions.items()))
     assert found(tmp_path, "model://rover") == Path("rover/b.sdf")
-
-
-def test_where_all_are_newer_the_newest_counts(tmp_path: Path) -> None:
-    written(tmp_path / "rover/a.sdf", "")
+    # Where all are newer, the newest counts.
     manifest(tmp_path, '<sdf version="2.0">a.sdf</sdf>')
     assert found(tmp_path, "rover") == Path("rover/a.sdf")
 
@@ -527,18 +476,14 @@ def test_what_leads_nowhere_is_told(inside: str, reference: str, rule: str, word
 @pytest.mark.parametrize("name", ["part.stl", "meshes/part.stl", ".part.stl"])
 def test_a_file_may_be_directly_on_the_path_for_models(tmp_path: Path, scheme: str, name: str) -> None:
     folder, inside = tmp_path / "models", tmp_path / "repository"
-    for file in (folder / name, inside / "robot.urdf"):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch()
+    written(folder / name, "")
+    written(inside / "robot.urdf", "")
     packages = Packages(Workspace(inside, inside), environment={"GAZEBO_MODEL_PATH": str(folder)})
     if name.startswith("."):
         with pytest.raises(PackageError):
             packages.resolve(f"{scheme}://{name}", inside / "robot.urdf")
     else:
         assert packages.resolve(f"{scheme}://{name}", inside / "robot.urdf").path == folder / name
-
-
-def test_a_file_that_no_folder_for_models_has_is_named_with_them(tmp_path: Path) -> None:
     packages = Packages(Workspace(tmp_path, tmp_path), environment={})
     with pytest.raises(PackageError, match=r"'model://part.stl' is in no folder for models .*GAZEBO_MODEL_PATH"):
         packages.resolve("model://part.stl", tmp_path / "robot.urdf")

@@ -15,16 +15,10 @@ def test_notes_of_one_rule_and_file_are_one_line_that_names_the_others() -> None
         "a.urdf:4: joint [locked-joint]",
         "b.urdf:1: link 1 (and 1 more like this; line 9) [missing-inertia]",
     )
-
-
-def test_each_kind_of_part_that_is_not_simulated_is_a_line() -> None:
-    kinds = ("<gravity>", "<sensor>", "<wind>")
-    found = [
-        finding("passed-over", f"{kind} is ignored", Location("a.sdf", line)) for line, kind in enumerate(kinds, 1)
-    ]
-    assert grouped_notes(found) == tuple(
-        f"a.sdf:{line}: {kind} is ignored [passed-over]" for line, kind in enumerate(kinds, 1)
-    )
+    # Each kind of part that is not simulated is a line.
+    kinds = list(enumerate(("<gravity>", "<sensor>", "<wind>"), 1))
+    found = [finding("passed-over", f"{kind} is ignored", Location("a.sdf", line)) for line, kind in kinds]
+    assert grouped_notes(found) == tuple(f"a.sdf:{line}: {kind} is ignored [passed-over]" for line, kind in kinds)
 
 
 def test_every_report_shows_the_parts_that_are_not_simulated_and_each_finding_is_a_note_once() -> None:

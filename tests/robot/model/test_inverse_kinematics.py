@@ -211,18 +211,13 @@ def test_a_position_alone_leaves_the_orientation_free(tmp_path: Path) -> None:
 
 def test_joints_of_every_kind_move_the_link(tmp_path: Path) -> None:
     """A slide, a turn without limits, and a hinge whose half is copied by a second one."""
+    half = '<mimic joint="hinge" multiplier="0.5" offset="0.1"/>'
     model = model_of(
         tmp_path,
         joint("slide", "base", "a", f'<axis xyz="0 0 1"/>{limits(0.1, 0.6)}', kind="prismatic"),
         joint("turn", "a", "b", f'<axis xyz="0 0 1"/>{FREE}', kind="continuous"),
         joint("hinge", "b", "c", f'<axis xyz="0 1 0"/>{limits(-2, 2)}', at="0.3 0 0"),
-        joint(
-            "copy",
-            "c",
-            "d",
-            f'<axis xyz="0 1 0"/>{limits(-0.4, 0.9)}<mimic joint="hinge" multiplier="0.5" offset="0.1"/>',
-            at="0.2 0 0",
-        ),
+        joint("copy", "c", "d", f'<axis xyz="0 1 0"/>{limits(-0.4, 0.9)}{half}', at="0.2 0 0"),
         joint("end", "d", "tip", "", kind="fixed", at="0.1 0 0"),
     )
     chain = Chain.of(model, "tip", {})
@@ -241,12 +236,11 @@ def test_joints_of_every_kind_move_the_link(tmp_path: Path) -> None:
 
 
 def test_a_follower_that_is_faster_slows_its_leader(tmp_path: Path) -> None:
+    fast = '<mimic joint="hinge" multiplier="-4"/>'
     model = model_of(
         tmp_path,
         joint("hinge", "base", "a", f'<axis xyz="0 1 0"/>{limits(-2, 2)}'),
-        joint(
-            "copy", "a", "b", f'<axis xyz="0 1 0"/>{limits(-9, 9)}<mimic joint="hinge" multiplier="-4"/>', at="1 0 0"
-        ),
+        joint("copy", "a", "b", f'<axis xyz="0 1 0"/>{limits(-9, 9)}{fast}', at="1 0 0"),
     )
     assert Chain.of(model, "b", {}).fastest == (0.5,)
 

@@ -35,18 +35,13 @@ def test_a_name_is_a_name_though_it_looks_like_a_pattern() -> None:
     assert name_problem(dataclasses.replace(model, joints=odd), f"[{LEFT}]", FirstFew()) is None
 
 
-def test_a_name_that_nothing_has_is_a_problem() -> None:
+def test_a_name_that_nothing_has_and_a_model_without_a_moving_joint_are_problems() -> None:
     ((path, message),) = choice_problems(burger(), (LEFT, "wheel_rigth_joint"))
     assert path == ("joints", 1)
     assert message.startswith("the model has no moving joint 'wheel_rigth_joint'; did you mean 'wheel_right_joint'?")
-
-
-def test_of_many_names_that_nothing_has_the_first_few_get_a_hint() -> None:
+    # Of many, the first few get a hint.
     messages = [message for _, message in choice_problems(burger(), ("wheel",) * 50)]
     assert [("(allowed: " in message) for message in messages] == [True] * 10 + [False] * 40
-
-
-def test_a_model_without_a_moving_joint_is_a_problem() -> None:
     rigid = dataclasses.replace(burger(), joints=())
     assert list(choice_problems(rigid, ())) == [((), "the model has no moving joint")]
 

@@ -78,11 +78,8 @@ def test_joints_turn_and_slide_what_hangs_on_them() -> None:
     assert poses["tip"].position_xyz == pytest.approx((-0.1, 1.25, 0.5))
     assert poses["tip"].yaw == pytest.approx(QUARTER)
     assert link_poses(it, {})["hand"].position_xyz == (1, 0, 0.5)
-
-
-def test_what_has_no_shape_has_no_box() -> None:
-    it = model()
-    assert robot_box(it, link_poses(it, {})) is None
+    # What has no shape has no box.
+    assert robot_box(it, poses) is None
 
 
 def test_the_box_is_where_the_joints_have_taken_the_shapes(tmp_path: Path) -> None:
@@ -256,18 +253,14 @@ def test_links_are_where_the_joints_put_them(rows: list[tuple[float, ...]], at: 
 def test_frames_of_all_links_are_columns() -> None:
     rows = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], [1.0, -2.0, 0.1, 0.0, -0.5, 0.2, 3.0]])
     ones, zeros = np.ones(2), np.zeros(2)
-    place: Any = (ones, zeros, zeros)
-    turns: Any = (zeros, zeros, zeros, ones)
-    base = Pose(place, turns)
+    place: Any = ((ones, zeros, zeros), (zeros, zeros, zeros, ones))
+    base = Pose(*place)
     names = [joint.name for joint in MODEL.moving_joints]
     for name, frame in link_frames(MODEL, base, rows).items():
         for row, positions in enumerate(rows.tolist()):
             expected = link_poses(MODEL, dict(zip(names, positions, strict=True)))[name]
-            numbers: Any = [
-                np.broadcast_to(column, 2)[row] for column in (*frame.position_xyz, *frame.orientation_xyzw)
-            ]
-            x, y, z, *turn = map(float, numbers)
-            i, j, k, w = turn
+            columns = (np.broadcast_to(column, 2) for column in (*frame.position_xyz, *frame.orientation_xyzw))
+            x, y, z, i, j, k, w = (float(column[row]) for column in columns)
             assert_same(Pose((x - 1, y, z), (i, j, k, w)), expected)
 
 
@@ -336,10 +329,8 @@ def test_a_joint_that_the_trace_leaves_out_follows_its_leader_or_stays_at_home()
     whole = trace_of(NAMES, np.array([positions]), np.array([velocities]), base)
     for link in model.links_by_name:
         found, expected = (link_motion(model, trace, link) for trace in (left_out, whole))
-        np.testing.assert_allclose(found.position_xyz, expected.position_xyz, atol=1e-12)
-        np.testing.assert_allclose(found.orientation_xyzw, expected.orientation_xyzw, atol=1e-12)
-        np.testing.assert_allclose(found.linear_xyz, expected.linear_xyz, atol=1e-12)
-        np.testing.assert_allclose(found.angular_xyz, expected.angular_xyz, atol=1e-12)
+        for name in ("position_xyz", "orientation_xyzw", "linear_xyz", "angular_xyz"):
+            np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)
 
 
 def test_a_ball_joint_at_its_pole_has_finite_twists() -> None:
@@ -352,14 +343,12 @@ def test_a_frame_that_is_named_base_is_a_link_of_that_name_first() -> None:
     trace = trace_of(NAMES, np.full((1, 7), 0.1), np.zeros((1, 7)), base_rows(Pose((5, 6, 7)), Twist()))
     assert pose_at(motion_in(MODEL, trace, "chassis", "base"), 0) == Pose()
     renamed = {"upper": "base"}
-    model = replace(
-        MODEL,
-        links=tuple(replace(link, name=renamed.get(link.name, link.name)) for link in MODEL.links),
-        joints=tuple(
-            replace(joint, parent=renamed.get(joint.parent, joint.parent), child=renamed.get(joint.child, joint.child))
-            for joint in MODEL.joints
-        ),
+    links = tuple(replace(link, name=renamed.get(link.name, link.name)) for link in MODEL.links)
+    joints = tuple(
+        replace(joint, parent=renamed.get(joint.parent, joint.parent), child=renamed.get(joint.child, joint.child))
+        for joint in MODEL.joints
     )
+    model = replace(MODEL, links=links, joints=joints)
     assert_same(pose_at(motion_in(model, trace, "base", "base"), 0), Pose())
     assert pose_at(motion_in(model, trace, "chassis", "base"), 0).position_xyz != (0, 0, 0)
 
@@ -372,11 +361,8 @@ def test_unknown_links_and_frames_have_the_nearest_names() -> None:
         link_motion(MODEL, trace_of((), np.empty((1, 0)), np.empty((1, 0)), base_rows(Pose(), Twist())), "uper")
     assert why_no_link(MODEL, "tool") is None
     assert (why_no_frame(MODEL, "world"), why_no_frame(MODEL, "base"), why_no_frame(MODEL, "tip")) == (None,) * 3
-    message = why_no_frame(MODEL, "wrold") or ""
-    assert message.startswith(
-        "there is no frame 'wrold': a frame is world, base, or a link of the robot; did you mean "
-    )
-    assert "did you mean 'world'?" in message
+    stated = "there is no frame 'wrold': a frame is world, base, or a link of the robot; did you mean 'world'?"
+    assert (why_no_frame(MODEL, "wrold") or "").startswith(stated)
 
 
 def test_states_are_computed_when_they_are_read_and_a_copy_has_them_all() -> None:

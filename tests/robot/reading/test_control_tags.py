@@ -12,6 +12,7 @@ from sim_action.robot.model.robot_model import Plugin, RobotModel
 from sim_action.robot.reading import control_tags
 from sim_action.robot.reading.control_tags import controllers_in
 from sim_action.robot.reading.urdf import read_urdf
+from tests.ros_workspace import ros_package, written
 
 CONTROL = """
   <ros2_control name="base" type="system">
@@ -59,12 +60,10 @@ READ = (
 
 def robot(folder: Path, inside: str) -> RobotModel:
     """A robot in a package `demo`, whose root is the workspace."""
-    (folder / "package.xml").write_text("<package><name>demo</name></package>")
-    (folder / "urdf").mkdir()
-    path = folder / "urdf" / "robot.urdf"
+    ros_package(folder, "demo")
     inertia = '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     base = f'<link name="base"><inertial>{inertia}</inertial></link>'
-    path.write_text(f'<robot name="r">{base}{inside}</robot>')
+    path = written(folder / "urdf/robot.urdf", f'<robot name="r">{base}{inside}</robot>')
     return read_urdf(path, Packages(Workspace(folder / "urdf", folder)))
 
 
@@ -87,16 +86,13 @@ def test_joints_with_a_transmission_are_driven(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    "reference", ["package://demo/config/control.yaml", "$(find demo)/config/control.yaml", "../config/control.yaml"]
-)
+@pytest.mark.parametrize("folder", ["package://demo/config", "$(find demo)/config", "../config"])
 @pytest.mark.parametrize(
     "file", ["libgazebo_ros2_control.so", "gz_ros2_control-system", "libign_ros2_control-system.so"]
 )
-def test_controllers_come_after_the_plugin_that_names_their_file(file: str, reference: str, tmp_path: Path) -> None:
-    (tmp_path / "config").mkdir()
-    (tmp_path / "config" / "control.yaml").write_text(PARAMETERS)
-    asked, controller = robot(tmp_path, plugin(reference, filename=file)).plugins
+def test_controllers_come_after_the_plugin_that_names_their_file(file: str, folder: str, tmp_path: Path) -> None:
+    written(tmp_path / "config/control.yaml", PARAMETERS)
+    asked, controller = robot(tmp_path, plugin(f"{folder}/control.yaml", filename=file)).plugins
     assert asked.unread == ()
     assert (controller.name, controller.title) == (READ[0][1], "base_controller")
     assert set(controller.parameters) == set(READ)
@@ -113,13 +109,10 @@ def test_controllers_come_after_the_plugin_that_names_their_file(file: str, refe
     ],
 )
 def test_a_file_that_is_not_found_is_a_reason_and_no_error(reference: str, reason: str, tmp_path: Path) -> None:
-    (asked,) = robot(tmp_path, plugin(reference)).plugins
+    asked, other = robot(tmp_path, plugin(reference) + plugin("none.yaml", filename="libother.so")).plugins
     assert reason in asked.unread[0]
-
-
-def test_other_plugins_name_no_parameter_files(tmp_path: Path) -> None:
-    (asked,) = robot(tmp_path, plugin("none.yaml", filename="libother.so")).plugins
-    assert asked.unread == ()
+    # Other plugins name no parameter files.
+    assert other.unread == ()
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,22 @@ from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
-from tests.robot import independent_readers
+from tests.robot.independent_readers import (
+    Body,
+    Joined,
+    Matrix,
+    Read,
+    bounds,
+    compiled,
+    frame,
+    numbers,
+    placed,
+    plain_sdf,
+    tensor,
+    turn_of_quaternion,
+    turn_of_rpy,
+    urchins,
+)
 from tests.ros_workspace import written
 from tests.soak import soaked
 
@@ -62,44 +77,39 @@ ONLY_HERE: Final[Mapping[str, str]] = MappingProxyType(
 # --- this project ---
 
 
-def poses(model: RobotModel) -> dict[str, independent_readers.Matrix]:
+def poses(model: RobotModel) -> dict[str, Matrix]:
     """Return the pose of each link in the base frame, all joints at 0."""
     return {
-        name: independent_readers.frame(
-            np.array(pose.position_xyz), independent_readers.turn_of_quaternion(*pose.orientation_xyzw)
-        )
+        name: frame(np.array(pose.position_xyz), turn_of_quaternion(*pose.orientation_xyzw))
         for name, pose in link_poses(model, {}).items()
     }
 
 
-def inertial(element: ET.Element, link: independent_readers.Matrix) -> independent_readers.Body:
+def inertial(element: ET.Element, link: Matrix) -> Body:
     """Return the body of a URDF <inertial>; `link`: the pose of the link in the base frame."""
     mass, inertia, origin = element.find("mass"), element.find("inertia"), element.find("origin")
     assert mass is not None
     assert inertia is not None
     stated = {} if origin is None else origin.attrib
-    own = independent_readers.frame(
-        independent_readers.numbers(stated.get("xyz", "0 0 0")),
-        independent_readers.turn_of_rpy(*independent_readers.numbers(stated.get("rpy", "0 0 0"))),
-    )
-    moments = independent_readers.tensor({name: float(value) for name, value in inertia.attrib.items()})
-    return independent_readers.placed(float(mass.attrib["value"]), link @ own, moments)
+    own = frame(numbers(stated.get("xyz", "0 0 0")), turn_of_rpy(*numbers(stated.get("rpy", "0 0 0"))))
+    moments = tensor({name: float(value) for name, value in inertia.attrib.items()})
+    return placed(float(mass.attrib["value"]), link @ own, moments)
 
 
-def joints_of(model: RobotModel) -> dict[str, independent_readers.Joined]:
+def joints_of(model: RobotModel) -> dict[str, Joined]:
     at = poses(model)
     return {
-        joint.name: independent_readers.Joined(
+        joint.name: Joined(
             (joint.parent, joint.child),
             at[joint.child][:3, :3] @ joint.axis_xyz if joint.moves else None,
-            independent_readers.bounds(joint.lower, joint.upper),
+            bounds(joint.lower, joint.upper),
             (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset) if joint.mimic else None,
         )
         for joint in model.joints
     }
 
 
-def ours(model: RobotModel) -> independent_readers.Read:
+def ours(model: RobotModel) -> Read:
     """Return this project's reading of a model that becomes URDF; links whose file states no mass are left out."""
     at = poses(model)
     stated = {link.name for link in model.links if link.mass}
@@ -108,7 +118,7 @@ def ours(model: RobotModel) -> independent_readers.Read:
         for link in ET.fromstring(model.urdf).findall("link")
         if (name := link.attrib["name"]) in stated and (found := link.find("inertial")) is not None
     }
-    return independent_readers.Read(bodies, joints_of(model))
+    return Read(bodies, joints_of(model))
 
 
 @functools.cache
@@ -136,11 +146,11 @@ def models_of_worlds() -> Iterator[tuple[str, str, ET.Element]]:
 # --- comparison ---
 
 
-def same(mine: independent_readers.Matrix, yours: independent_readers.Matrix) -> bool:
+def same(mine: Matrix, yours: Matrix) -> bool:
     return bool(np.abs(mine - yours).max() <= COMPUTED * max(1.0, np.abs(yours).max()))
 
 
-def differences(mine: independent_readers.Read, yours: independent_readers.Read) -> list[str]:
+def differences(mine: Read, yours: Read) -> list[str]:
     """Return all differences but those of inertias."""
     found = [f"{name}: only one reader has this link" for name in mine.bodies.keys() ^ yours.bodies.keys()]
     found += [f"{name}: only one reader has this joint" for name in mine.joints.keys() ^ yours.joints.keys()]
@@ -155,7 +165,7 @@ def differences(mine: independent_readers.Read, yours: independent_readers.Read)
     return found
 
 
-def joint_differences(one: independent_readers.Joined, other: independent_readers.Joined) -> Iterator[str]:
+def joint_differences(one: Joined, other: Joined) -> Iterator[str]:
     for what, mine, yours in (
         ("ends", one.ends, other.ends),
         ("limits", one.limits, pytest.approx(other.limits, rel=COPIED)),
@@ -168,14 +178,14 @@ def joint_differences(one: independent_readers.Joined, other: independent_reader
         yield f"axis: {one.axis} and {other.axis}"
 
 
-def is_possible(body: independent_readers.Body) -> bool:
+def is_possible(body: Body) -> bool:
     """Return True if an inertia is one of a real body: this project repairs the others (docs/models/audit.md)."""
     least, middle, most = np.linalg.eigvalsh(body.inertia)
     # The sign of the least moment of a singular tensor is rounding, which differs between processors.
     return bool(least > COMPUTED * most and most <= least + middle)
 
 
-def inertia_differences(mine: independent_readers.Read, yours: independent_readers.Read) -> list[str]:
+def inertia_differences(mine: Read, yours: Read) -> list[str]:
     real = {name for name, body in yours.bodies.items() if is_possible(body)}
     found = [
         f"{name}: inertia {mine.bodies[name].inertia} and {yours.bodies[name].inertia}"
@@ -188,7 +198,7 @@ def inertia_differences(mine: independent_readers.Read, yours: independent_reade
     return found
 
 
-def assert_equal(mine: independent_readers.Read, yours: independent_readers.Read, name: str = "") -> None:
+def assert_equal(mine: Read, yours: Read, name: str = "") -> None:
     assert not differences(mine, yours)
     assert mine.mass == pytest.approx(yours.mass, rel=COPIED)
     if name not in SCALED:
@@ -213,7 +223,7 @@ def test_a_urdf_is_as_urchin_reads_it(path: Path) -> None:
     if isinstance(model, str):
         assert path not in OURS, model
     elif file_name(path) not in ONLY_HERE:
-        assert_equal(ours(model), independent_readers.urchins(path), file_name(path))
+        assert_equal(ours(model), urchins(path), file_name(path))
 
 
 @pytest.mark.parametrize(("file", "version", "model"), list(models_of_worlds()))
@@ -225,7 +235,7 @@ def test_a_model_of_a_world_is_as_its_specification_reads_it(
     written(tmp_path / "model.sdf", ET.tostring(root, encoding="unicode"))
     read = loaded(tmp_path / "model.sdf")
     assert isinstance(read, RobotModel), read
-    assert_equal(ours(read), independent_readers.plain_sdf(model))
+    assert_equal(ours(read), plain_sdf(model))
 
 
 @pytest.mark.parametrize("path", MJCFS, ids=file_name)
@@ -237,10 +247,8 @@ def test_an_mjcf_is_as_mujoco_compiles_it(path: Path) -> None:
     from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec
 
     assert model.mjcf is not None
-    mine = independent_readers.compiled(engine_spec(model.mjcf).compile())
-    theirs = independent_readers.compiled(
-        mujoco.MjModel.from_xml_path(str(path)), SCENES.get(file_name(path), frozenset())
-    )
+    mine = compiled(engine_spec(model.mjcf).compile())
+    theirs = compiled(mujoco.MjModel.from_xml_path(str(path)), SCENES.get(file_name(path), frozenset()))
     assert_equal(mine, theirs)
     assert model.mass == pytest.approx(theirs.mass, rel=COPIED)
     moving = [joint for joint in joints_of(model).values() if joint.axis is not None]

@@ -18,17 +18,8 @@ from tests.robot.bad_models import GOOD
 from tests.ros_workspace import NAMESPACE, TRIANGLE, written
 
 NAMES = ", ".join(sorted(BUILT_IN))
-
-
-SDF = """\
-<sdf version="1.9">
-  <model name="box">
-    <link name="base">
-      <inertial><mass>1</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>
-    </link>
-  </model>
-</sdf>
-"""
+SDF = """<sdf version="1.9"><model name="box"><link name="base"><inertial><mass>1</mass>
+<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial></link></model></sdf>"""
 
 
 @pytest.mark.parametrize("name", ["box.sdf", "box.world", "box.urdf"])
@@ -132,10 +123,6 @@ def test_a_file_is_read_once_wherever_it_is_seen_from(workspace: Path) -> None:
     assert read(library, workspace, "b", model="../b/../arm.urdf", pose={"x": 1}, base="fixed") is first
     with pytest.raises(ModelError):
         read(ModelLibrary(), workspace, "a", model="../arm.urdf")
-
-
-def test_a_built_in_model_is_read_once(workspace: Path) -> None:
-    library = ModelLibrary()
     burger = read(library, workspace, "a", model="turtlebot3_burger")
     assert read(library, workspace, "b", model="turtlebot3_burger") is burger
 
@@ -163,16 +150,11 @@ def test_another_workspace_admits_other_files(workspace: Path) -> None:
         library.load(robot, Workspace(workspace / "a", workspace / "a"))
 
 
-@pytest.mark.parametrize("model", ["nosuch.urdf", "nosuch", "a\0b.urdf", "nosuch://a/b", "x" * 300 + ".urdf"])
-def test_what_cannot_be_read_is_told_by_who_reads_it(model: str, workspace: Path) -> None:
+def test_what_cannot_be_read_is_told_and_not_read_again(workspace: Path) -> None:
     library = ModelLibrary()
-    for _ in range(2):
+    for model in ("nosuch.urdf", "nosuch", "a\0b.urdf", "nosuch://a/b", "x" * 300 + ".urdf") * 2:
         with pytest.raises(ModelError):
             read(library, workspace, "a", model=model)
-
-
-def test_what_cannot_be_read_is_not_read_again(workspace: Path) -> None:
-    library = ModelLibrary()
     (workspace / "arm.urdf").write_text("broken")
     errors = list[ModelError]()
     for folder in ("a", "b", "a"):
@@ -182,9 +164,7 @@ def test_what_cannot_be_read_is_not_read_again(workspace: Path) -> None:
         (workspace / "arm.urdf").write_text(GOOD)
     assert errors[0] is errors[1] is errors[2]
     assert read(ModelLibrary(), workspace, "a", model="../arm.urdf").root == "base"
-
-
-def test_an_error_that_is_kept_keeps_nothing_of_what_was_read(workspace: Path) -> None:
+    # An error that is kept keeps nothing of what was read.
     library = ModelLibrary()
     (workspace / "arm.urdf").write_text("<robot>")
     depths = set[int]()

@@ -21,17 +21,13 @@ TYPES = ("revolute", "revolute", "prismatic", "fixed")
 
 
 def urdf() -> str:
-    joints = zip(CHAIN, CHAIN[1:], TYPES, strict=False)
-    return (
-        '<robot name="arm">'
-        + "".join(f'<link name="{name}">{BOX}</link>' for name in CHAIN)
-        + "".join(
-            f'<joint name="j_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-            '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-            for parent, child, kind in joints
-        )
-        + "</robot>"
+    links = "".join(f'<link name="{name}">{BOX}</link>' for name in CHAIN)
+    joints = "".join(
+        f'<joint name="j_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for parent, child, kind in zip(CHAIN, CHAIN[1:], TYPES, strict=False)
     )
+    return f'<robot name="arm">{links}{joints}</robot>'
 
 
 def model_with(folder: Path, srdf: str, name: str = "arm") -> RobotModel:
@@ -97,10 +93,8 @@ def test_a_cycle_of_groups_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RefusedModel) as caught:
         model_with(tmp_path, groups)
     (found,) = caught.value.problems
-    line = found.location.line
-    assert line is not None
-    outer = names[line - 2]
-    inner = names[(line - 1) % 3]
+    line = found.location.line or 0
+    outer, inner = names[line - 2], names[(line - 1) % 3]
     assert found.message == f"group '{inner}' contains itself; remove it from group '{outer}'"
 
 
@@ -138,22 +132,13 @@ time_limit: 1 s
 """
 
 
-@pytest.mark.parametrize(
-    ("srdf", "problem"),
-    [
-        ("arms.srdf", "5:3: robot.srdf: "),
-        ("../arm.srdf", "5:3: robot.srdf: "),
-        ("package://nothing/other.srdf", "5:3: robot.srdf: "),
-        ("arm.srdf.xacro", "5:3: robot.srdf: an SRDF must be expanded: run xacro arm.srdf.xacro > arm.srdf, and"),
-    ],
-)
-def test_a_missing_file_is_told_at_its_key(srdf: str, problem: str, tmp_path: Path) -> None:
+def test_a_scenario_sets_the_joints_of_a_group_and_a_missing_file_is_told_at_its_key(tmp_path: Path) -> None:
     model_with(tmp_path, "")
-    (found,) = told(tmp_path, SCENARIO.format(srdf=srdf))
-    assert found.startswith(problem)
-
-
-def test_a_scenario_sets_the_joints_of_a_group(tmp_path: Path) -> None:
+    expand = "an SRDF must be expanded: run xacro arm.srdf.xacro > arm.srdf, and"
+    names = {"arms.srdf": "", "../arm.srdf": "", "package://nothing/other.srdf": "", "arm.srdf.xacro": expand}
+    for srdf, message in names.items():
+        (problem,) = told(tmp_path, SCENARIO.format(srdf=srdf))
+        assert problem.startswith(f"5:3: robot.srdf: {message}")
     model_with(tmp_path, '<group name="arm"><chain base_link="base" tip_link="two"/></group>')
     loaded = load(tmp_path, SCENARIO.format(srdf="arm.srdf"))
     assert loaded.model is not None

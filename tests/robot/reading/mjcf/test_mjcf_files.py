@@ -289,7 +289,7 @@ def test_the_text_of_a_number_takes_no_quadratic_time(text: str, tmp_path: Path)
         assert collected(tmp_path, model).left_out == {}
 
 
-def test_attached_models_multiply(tmp_path: Path) -> None:
+def test_attached_models_multiply_and_may_not_attach_each_other(tmp_path: Path) -> None:
     names = ["robot_xml", *(f"m{number}_xml" for number in range(5)), "leaf_xml"]
     files = {"leaf_xml": f"<mujoco>{BODY.format('')}</mujoco>"}
     for name, below in itertools.pairwise(names):
@@ -297,28 +297,19 @@ def test_attached_models_multiply(tmp_path: Path) -> None:
         asset = f"<asset><model name='m' file='{below.replace('_xml', '.xml')}'/></asset>"
         files[name] = f"<mujoco>{asset}{BODY.format(attached)}</mujoco>"
     assert "elements; at most 50,000 are allowed" in refused(tmp_path, files.pop("robot_xml"), **files)
-
-
-def test_models_that_attach_each_other_are_refused(tmp_path: Path) -> None:
     text = ASSET.format('\n<model file="{}"/>')
     found = refused(tmp_path, text.format("other.xml"), other_xml=text.format("robot.xml"))
     assert found == "./other.xml:2: 'robot.xml' attaches itself"
 
 
-def test_the_number_of_files_is_limited(tmp_path: Path) -> None:
+def test_files_their_elements_and_their_depth_are_counted_together(tmp_path: Path) -> None:
     files = {f"f{number}_xml": "<x/>" for number in range(MAX_FILES)}
     includes = "\n".join(f'<include file="f{number}.xml"/>' for number in range(MAX_FILES))
     assert "a model may have at most 100 files" in refused(tmp_path, ASSET.format(includes), **files)
     collected(tmp_path, ASSET.format(includes.replace('<include file="f7.xml"/>', "")), **files)
-
-
-def test_elements_of_all_files_are_counted_together(tmp_path: Path) -> None:
     many = f"<x>{'<site/>' * 30_000}</x>"
     found = refused(tmp_path, ASSET.format('<include file="a.xml"/>\n<include file="b.xml"/>'), a_xml=many, b_xml=many)
     assert found == "./b.xml:1: more than 50,000 elements, all included files together"
-
-
-def test_the_depth_of_all_files_is_counted_together(tmp_path: Path) -> None:
     deep = "<x>" + "<frame>" * 60 + "{}" + "</frame>" * 60 + "</x>"
     text = ASSET.format('<include file="a.xml"/>')
     found = refused(tmp_path, text, a_xml=deep.format('<include file="b.xml"/>'), b_xml=deep.format(""))
@@ -355,9 +346,6 @@ def test_a_file_in_another_letter_case_is_found_with_a_note(name: str, tmp_path:
     (note,) = found.findings
     assert (note.rule, note.location.line) == ("file-spelling", 3)
     assert "is spelled Assets/Meshes/part.STL on the disk" in note.message
-
-
-def test_an_included_file_in_another_letter_case_is_found_with_a_note(tmp_path: Path) -> None:
     found = collected(tmp_path, '<mujoco><include file="Arm.xml"/></mujoco>', arm_xml=f"<mujoco>{BODY}</mujoco>")
     assert [note.rule for note in found.findings] == ["file-spelling"]
 

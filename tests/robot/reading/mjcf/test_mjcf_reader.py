@@ -153,10 +153,8 @@ def test_the_surfaces_of_all_meshes_are_there_to_be_seen(tmp_path: Path) -> None
     mjcf = read(tmp_path, text).mjcf
     assert mjcf is not None
     found = surfaces_of(mjcf)
-    assert {name: (len(points), len(faces)) for name, (points, faces) in found.items()} == {
-        "box": (8, 12),
-        "wedge": (6, 6),
-    }
+    counts = {name: (len(points), len(faces)) for name, (points, faces) in found.items()}
+    assert counts == {"box": (8, 12), "wedge": (6, 6)}
     for name, corners in (("box", CORNERS), ("wedge", CORNERS[:6])):
         points, faces = found[name]
         assert sorted({*faces.ravel().tolist()}) == list(range(len(corners)))
@@ -170,6 +168,7 @@ def rules(model: RobotModel) -> set[str]:
     return {finding.rule for finding in model.findings}
 
 
+UNREAD = "robot.xml:2: MuJoCo cannot read the model:"
 BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
 
 
@@ -178,24 +177,12 @@ BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
     [
         ("", "robot.xml:1: not well-formed XML"),
         ("<mujoco/>", "a robot must be one body with its children, but the model has 0 bodies in its world"),
-        (
-            f"<mujoco>{BODY}{BODY}</mujoco>",
-            "a robot must be one body with its children, but the model has 2 bodies in its world",
-        ),
-        (
-            "<mujoco>\n<worldbody><body typ='x'/></worldbody></mujoco>",
-            "robot.xml:2: MuJoCo cannot read the model: XML Error",
-        ),
-        (
-            "<mujoco>\n<worldbody><body><freejoint/></body></worldbody></mujoco>",
-            "robot.xml:2: MuJoCo cannot read the model: Error: mass",
-        ),
+        (f"<mujoco>{BODY}{BODY}</mujoco>", "children, but the model has 2 bodies in its world"),
+        ("<mujoco>\n<worldbody><body typ='x'/></worldbody></mujoco>", f"{UNREAD} XML Error"),
+        ("<mujoco>\n<worldbody><body><freejoint/></body></worldbody></mujoco>", f"{UNREAD} Error: mass"),
         (f"<mujoco>{BODY}</mujoco>".replace("'1'", "'1' friction='nan'"), "MuJoCo warns: XML contains a 'NaN'"),
         (f"<mujoco>{BODY}\n<include file='absent.xml'/></mujoco>", "robot.xml:2: 'absent.xml' does not exist"),
-        (
-            f"<mujoco>{BODY}<asset><mesh file='robot.xml'/></asset></mujoco>",
-            "mesh 'robot.xml': '.xml' files are not supported",
-        ),
+        (f"<mujoco>{BODY}<asset><mesh file='robot.xml'/></asset></mujoco>", "'.xml' files are not supported"),
     ],
 )
 def test_what_cannot_be_read_is_refused_in_words(
@@ -213,22 +200,13 @@ def test_what_cannot_be_read_is_refused_in_words(
 
 def test_a_ball_joint_in_series_with_others_is_refused_by_name(tmp_path: Path) -> None:
     """The poses of links below it would be wrong: the position of such a joint is not recorded."""
-    text = """\
-<mujoco>
-  <worldbody>
-    <body name="arm">
-      <joint name="lift" type="slide"/>
-      <joint name="shoulder" type="ball"/>
-      <geom size="0.1"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+    joints = '<joint name="lift" type="slide"/>\n<joint name="shoulder" type="ball"/>'
+    text = f'<mujoco><worldbody>\n<body name="arm">\n{joints}<geom size="0.1"/></body></worldbody></mujoco>'
     with pytest.raises(ModelError) as refused:
         read(tmp_path, text)
     message = "body 'arm' has the ball joint 'shoulder' and other joints, which is not supported: put 'shoulder' on a"
     assert message in str(refused.value)
-    assert "robot.xml:5" in str(refused.value)
+    assert "robot.xml:4" in str(refused.value)
     assert len(read(tmp_path, text.replace('<joint name="lift" type="slide"/>', "")).moving_joints) == 3
 
 
@@ -262,9 +240,7 @@ def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
     assert rules(allowed) == {"restitution", "passed-over"}
     assert found.rule == "restitution"
     assert str(found.location).endswith("robot.xml:15")
-
-
-def test_what_is_only_looked_at_may_bounce(tmp_path: Path) -> None:
+    # What is only looked at may bounce.
     visual = '<geom type="sphere" solref="-1000 0" contype="0" conaffinity="0" size="0.01"/>'
     text = ROVER.replace('<geom name="caster"', f'{visual}<geom name="caster"')
     assert rules(read(tmp_path, text)) == {"passed-over"}
@@ -298,11 +274,8 @@ DEFAULTS = """\
 def test_materials_and_meshes_of_default_classes_reach_their_geoms(tmp_path: Path) -> None:
     (tmp_path / "wedge.stl").write_bytes(stl())
     (base,) = read(tmp_path, DEFAULTS.replace('site="s"', 'site="missing"')).links
-    assert [visual.color for visual in base.visuals] == [
-        pytest.approx((0.7, 0.5, 0.3)),
-        (0, 0, 1),
-        pytest.approx((0, 0, 1)),
-    ]
+    colours = [pytest.approx((0.7, 0.5, 0.3)), (0, 0, 1), pytest.approx((0, 0, 1))]
+    assert [visual.color for visual in base.visuals] == colours
     assert [visual.opacity for visual in base.visuals] == [0.25, 1, 1]
     drawn = base.visuals[2]
     assert (drawn.kind, drawn.file, drawn.scale) == ("mesh", str(tmp_path / "wedge.stl"), (1, 1, 1))
@@ -314,11 +287,8 @@ def test_materials_and_meshes_of_default_classes_reach_their_geoms(tmp_path: Pat
 def test_each_kind_that_is_left_out_is_one_note_with_a_line(tmp_path: Path) -> None:
     (tmp_path / "wedge.stl").write_bytes(stl())
     notes = {finding.message: finding.location.line for finding in read(tmp_path, DEFAULTS).findings}
-    assert [message.split(" is left out")[0].split(" are left out")[0] for message in notes] == [
-        "<light>, <camera> and <skin>",
-        "<sensor>",
-        "a <geom> of <worldbody>",
-    ]
+    left_out = ["<light>, <camera> and <skin>", "<sensor>", "a <geom> of <worldbody>"]
+    assert [message.split(" is left out")[0].split(" are left out")[0] for message in notes] == left_out
     assert list(notes.values()) == [14, 20, 15]
     assert [message.rpartition(" (")[2] for message in notes][:2] == ["3 of them; line 14)", "2 of them; line 20)"]
 
@@ -407,30 +377,23 @@ def notes(found: RobotModel) -> list[str]:
     return [finding.message for finding in found.findings]
 
 
-@pytest.mark.parametrize("other", [BOX, CABINET])
-def test_the_tree_with_actuators_is_the_robot(other: str, tmp_path: Path) -> None:
-    found = model(tmp_path, HOIST + other, MOTOR)
-    assert [joint.name for joint in found.moving_joints] == ["lift"]
-    assert "the file also has body 'box'" in notes(found)[0] or "the file also has body 'cabinet'" in notes(found)[0]
-
-
-def test_trees_that_equalities_couple_to_the_robot_belong_to_it(tmp_path: Path) -> None:
+def test_the_tree_with_actuators_is_the_robot_with_trees_that_equalities_couple_to_it(tmp_path: Path) -> None:
+    for name, other in (("box", BOX), ("cabinet", CABINET)):
+        found = model(tmp_path, HOIST + other, MOTOR)
+        assert [joint.name for joint in found.moving_joints] == ["lift"]
+        assert f"the file also has body '{name}'" in notes(found)[0]
     coupled = MOTOR + '<equality><connect body1="lid" body2="upper" anchor="0 0 0"/></equality>'
     found = model(tmp_path, HOIST + CABINET, coupled)
     assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
 
 
-def test_an_arm_beside_a_free_body_with_joints_is_ambiguous_without_actuators(tmp_path: Path) -> None:
+def test_without_actuators_bodies_fixed_to_the_world_are_one_robot_and_free_ones_are_ambiguous(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="has 2 bodies in its world, 'arm', 'box': move the others"):
         model(tmp_path, HOIST + BOX)
-
-
-def test_bodies_fixed_to_the_world_without_actuators_are_one_robot_with_a_note(tmp_path: Path) -> None:
     found = model(tmp_path, HOIST + CABINET)
     assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
-    assert notes(found) == [
-        "the bodies 'arm', 'cabinet' of <worldbody> are one robot: no <actuator> acts on a part of it only"
-    ]
+    (note,) = notes(found)
+    assert note == "the bodies 'arm', 'cabinet' of <worldbody> are one robot: no <actuator> acts on a part of it only"
 
 
 def test_a_keyframe_leaves_out_the_controls_of_other_bodies(tmp_path: Path) -> None:
@@ -461,14 +424,13 @@ def test_level_planes_that_collide_are_the_floor(planes: str, floor: float, tmp_
     assert not any("is the ground" in note for note in notes(found))
 
 
-def test_the_highest_of_several_floors_is_the_ground_with_a_note(tmp_path: Path) -> None:
+def test_the_highest_of_several_floors_is_the_ground_with_a_note_and_so_is_the_friction_of_a_pair(
+    tmp_path: Path,
+) -> None:
     found = model(tmp_path, FLOOR + '<geom name="stage" type="plane" size="1 1 .1" pos="0 0 .25"/>' + HOIST)
     assert found.mjcf is not None
     assert found.mjcf.floor == 0.25
     assert "geom 'stage' at z = 0.25 m is the ground: it is the highest of 2 level planes" in notes(found)[0]
-
-
-def test_the_friction_of_a_pair_is_noted(tmp_path: Path) -> None:
     pair = '<contact><pair geom1="floor" geom2="tip" friction="0.1 0.1 0.1 0.1 0.1"/></contact>'
     found = model(tmp_path, FLOOR + HOIST, pair)
     assert [note for note in notes(found) if note.startswith("friction, condim, ") and "of <pair> are ignored" in note]
@@ -522,17 +484,14 @@ def look(folder: Path, floor: str, more: str, kind: str = "checker", color: str 
 @pytest.mark.parametrize(
     ("stated", "expected"),  # of the plane, the material, the kind and the first colour of the texture
     [
-        (('material="m"', "", "checker", ".2 .4 .6"), FloorLook((0.2, 0.4, 0.6), (0, 0.5, 1), 0.4)),
-        (('material="m"', 'rgba="1 0.5 0 1"', "checker", ".2 .4 .6"), FloorLook((0.2, 0.2, 0), (0, 0.25, 0), 0.4)),
+        (('material="m"', ""), FloorLook((0.2, 0.4, 0.6), (0, 0.5, 1), 0.4)),
+        (('material="m"', 'rgba="1 0.5 0 1"'), FloorLook((0.2, 0.2, 0), (0, 0.25, 0), 0.4)),
         # The plane's own colour replaces that of its material.
-        (
-            ('material="m" rgba="0 0 1 1"', 'rgba="1 1 0 1"', "checker", ".2 .4 .6"),
-            FloorLook((0, 0, 0.6), (0, 0, 1), 0.4),
-        ),
-        (('rgba=".3 .2 .1 1"', "", "checker", ".2 .4 .6"), FloorLook((0.3, 0.2, 0.1))),
-        (('material="m"', "", "flat", ".2 .4 .6"), FloorLook((0.2, 0.4, 0.6))),
-        (("", "", "none", ".2 .4 .6"), None),
-        (('material="m"', "", "none", ".2 .4 .6"), None),
+        (('material="m" rgba="0 0 1 1"', 'rgba="1 1 0 1"'), FloorLook((0, 0, 0.6), (0, 0, 1), 0.4)),
+        (('rgba=".3 .2 .1 1"', ""), FloorLook((0.3, 0.2, 0.1))),
+        (('material="m"', "", "flat"), FloorLook((0.2, 0.4, 0.6))),
+        (("", "", "none"), None),
+        (('material="m"', "", "none"), None),
         # Colours that are none are those of MuJoCo, and those beyond white are white.
         *(
             (('material="m"', "", "checker", numbers), FloorLook((0.8, 0.8, 0.8), (0, 0.5, 1), 0.4))
@@ -542,7 +501,7 @@ def look(folder: Path, floor: str, more: str, kind: str = "checker", color: str 
     ],
 )
 def test_a_floor_has_the_colours_of_its_material(
-    stated: tuple[str, str, str, str], expected: FloorLook | None, tmp_path: Path
+    stated: tuple[str, ...], expected: FloorLook | None, tmp_path: Path
 ) -> None:
     assert look(tmp_path, *stated) == expected
 

@@ -46,25 +46,22 @@ def _kind(rule: str, words: str, kind: str) -> BadSdf:
     return _bad(rule, 5, words, 'type="continuous"', f'type="{kind}"')
 
 
+_SDF, _TWO = '<sdf version="1.9">\n', "<model name='a'/><model name='b'/>"
+_NESTED = f'<model name="a" canonical_link="{{}}">{link("b")}<frame name="tip"/></model>{joint("j", "base", "a")}'
+_LOOP = '<frame name="f" attached_to="g"><pose relative_to="base"/></frame><frame name="g" attached_to="f"/>'
+_DRAWN = "<visual name='v'><geometry><mesh><uri>a.dae</uri></mesh></geometry></visual>"
+_REVERSED = "</xyz><limit><lower>2</lower><upper>1</upper></limit>"
+_PLACED = "<placement_frame>tip</placement_frame>"
+_CHANGED = "<name>g</name><experimental:params xmlns:experimental='e'/>"
 _POSE, _AXIS = "<pose>0 0 1 0 0 0</pose>", "<axis><xyz>0 0 1</xyz></axis>"
 
 BAD_SDF_MODELS = [
     # What the file is.
     BadSdf(
-        "a world",
-        "not-a-robot",
-        2,
-        "a world with the models 'a', 'b'",
-        sdf().replace("model", "world").replace("\n\n", "<model name='a'/><model name='b'/>\n"),
+        "a world", "not-a-robot", 2, "a world with the models 'a', 'b'", f"{_SDF}<world name='w'>{_TWO}</world></sdf>"
     ),
     BadSdf("no model", "not-a-robot", 1, "has no <model>", '<sdf version="1.9"/>'),
-    BadSdf(
-        "two models",
-        "not-a-robot",
-        3,
-        "2 models: 'a', 'b'",
-        '<sdf version="1.9">\n<model name="a"/>\n<model name="b"/></sdf>',
-    ),
+    BadSdf("two models", "not-a-robot", 2, "2 models: 'a', 'b'", f"{_SDF}{_TWO}</sdf>"),
     BadSdf("no version", "missing-part", 1, "<sdf> has no attribute 'version'", '<sdf><model name="a"/></sdf>'),
     BadSdf("old", "not-a-robot", 1, "'gz sdf -p'", '<sdf version="1.2"><model name="a"/></sdf>'),
     BadSdf("odd version", "not-a-robot", 1, "'one' is not supported", '<sdf version="one"><model name="a"/></sdf>'),
@@ -88,27 +85,11 @@ BAD_SDF_MODELS = [
     _bad("unknown-frame", 5, "<child> refers to 'a::tool'", "<child>tool", "<child>a::tool"),
     _bad("unknown-frame", 2, "refers to 'x'", '<model name="m">', '<model name="m" placement_frame="x">'),
     _also("unknown-frame", 7, "relative to 'tip'", '<pose relative_to="tip"/>'),
-    _also(
-        "unknown-frame",
-        7,
-        "canonical_link 'tip' is not a link",
-        f'<model name="a" canonical_link="tip">{link("b")}<frame name="tip"/></model>{joint("j", "base", "a")}',
-    ),
-    _also(
-        "unknown-frame",
-        7,
-        "'c', which does not exist (allowed: b)",
-        f'<model name="a" canonical_link="c">{link("b")}</model>{joint("j", "base", "a")}',
-    ),
+    _also("unknown-frame", 7, "canonical_link 'tip' is not a link", _NESTED.format("tip")),
+    _also("unknown-frame", 7, "'c', which does not exist (allowed: b", _NESTED.format("c")),
     _bad("frame-loop", 4, "in a loop: 'tip', 'tool'", "<pose>", '<pose relative_to="tip">'),
     _bad("frame-loop", 4, "in a loop", "<pose>", '<pose relative_to="tool">'),
-    _also(
-        "frame-loop",
-        7,
-        "attached to itself",
-        '<frame name="f" attached_to="g"><pose relative_to="base"/></frame>'
-        f'<frame name="g" attached_to="f"/>{joint("j", "f", "tool")}',
-    ),
+    _also("frame-loop", 7, "attached to itself", _LOOP + joint("j", "f", "tool")),
     _also("missing-part", 7, "nothing can be attached to its frame", f'<model name="a"/>{joint("j", "a", "tool")}'),
     # Numbers.
     _bad("bad-number", 4, "<pose> is '0 0 1': expected 6 finite numbers", _POSE, "<pose>0 0 1</pose>"),
@@ -132,13 +113,8 @@ BAD_SDF_MODELS = [
     _kind("unsupported-joint", "no engine couples a rotation and a translation", "screw"),
     _bad("zero-axis", 5, "has an axis of length 0", "0 0 1</xyz>", "0 0 0</xyz>"),
     BadSdf(
-        "reversed",
-        "reversed-limits",
-        5,
-        "a lower limit of 2 above its upper limit of 1",
-        GOOD.replace("</xyz>", "</xyz><limit><lower>2</lower><upper>1</upper></limit>").replace(
-            "continuous", "revolute"
-        ),
+        *("reversed", "reversed-limits", 5, "a lower limit of 2 above its upper limit of 1"),
+        GOOD.replace("</xyz>", _REVERSED).replace("continuous", "revolute"),
     ),
     _bad("unknown-frame", 5, "must refer to a joint with one axis", "</xyz>", '</xyz><mimic joint="base"/>'),
     _also("one-root", 2, "it has 2: base, lid; connect them", link("lid")),
@@ -154,12 +130,7 @@ BAD_SDF_MODELS = [
     ),
     _surface("unsupported-part", "excludes every contact", "<collide_bitmask>0x00</collide_bitmask>"),
     _surface("bad-number", "<collide_bitmask> is 'all': expected an integer", "<collide_bitmask>all</collide_bitmask>"),
-    _also(
-        "unsupported-part",
-        7,
-        "the included model is not changed",
-        "<include><uri>good.sdf</uri><name>g</name><experimental:params xmlns:experimental='e'/></include>",
-    ),
+    _also("unsupported-part", 7, "included model is not changed", f"<include><uri>good.sdf</uri>{_CHANGED}</include>"),
     _shape("missing-part", "<geometry> has no shape", ""),
     _shape("missing-part", "<box> has no <size>", "<box/>"),
     _shape("missing-part", "<mesh> has no <uri>", "<mesh/>"),
@@ -172,20 +143,8 @@ BAD_SDF_MODELS = [
     _shape("unknown-shape", "convert it to a mesh", "<ellipsoid><radii>1 2 3</radii></ellipsoid>"),
     _shape("unknown-shape", "the shapes are box, sphere", "<torus/>"),
     _bad("missing-part", 3, "<collision> has no <geometry>", SPHERE, '<collision name="c"/>'),
-    _bad(
-        "missing-visual",
-        3,
-        "'a.dae' does not exist",
-        SPHERE,
-        f"{SPHERE}<visual name='v'><geometry><mesh><uri>a.dae</uri></mesh></geometry></visual>",
-    ),
-    _bad(
-        "bad-number",
-        3,
-        "of 0 or more",
-        "</geometry>",
-        "</geometry><surface><contact><ode><kp>-1</kp></ode></contact></surface>",
-    ),
+    _bad("missing-visual", 3, "'a.dae' does not exist", SPHERE, SPHERE + _DRAWN),
+    _surface("bad-number", "of 0 or more", "<ode><kp>-1</kp></ode>"),
     BadSdf("weightless", "massless-model", 2, "no link of the model has a mass", GOOD.replace(INERTIAL, "")),
     # Includes.
     _also("missing-part", 7, "<include> has no <uri>", "<include/>"),
@@ -195,12 +154,7 @@ BAD_SDF_MODELS = [
     _also("bad-reference", 7, "is not a valid reference", "<include><uri>https://fuel.org/a</uri></include>"),
     _also("outside-workspace", 7, "is outside the workspace", "<include><uri>../robot.sdf</uri></include>"),
     _also("include-loop", 7, "robot.sdf -> robot.sdf", "<include><uri>robot.sdf</uri></include>"),
-    _also(
-        "missing-part",
-        7,
-        "but no <pose>",
-        "<include><uri>good.sdf</uri><placement_frame>tip</placement_frame></include>",
-    ),
+    _also("missing-part", 7, "but no <pose>", f"<include><uri>good.sdf</uri>{_PLACED}</include>"),
     _also("duplicate-name", 7, "two links have the name 'base'", '<include merge="true"><uri>good.sdf</uri></include>'),
     _also("not-a-robot", 1, "can include only SDF", "<include><uri>arm.urdf</uri></include>"),
 ]

@@ -7,7 +7,6 @@ specification.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +14,14 @@ from typing import Final
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from sim_action.core.geometry import rotate
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
+from tests.robot.independent_readers import Matrix, turn_of_rpy
 from tests.robot.reading.sdf.models import joint, link, load, rules, sdf
 from tests.ros_workspace import written
 
-Matrix = NDArray[np.float64]
 Angles = tuple[float, float, float]
 OLD: Final = ("1.3", "1.4")
 FLAGGED: Final = ("1.5", "1.6")
@@ -31,16 +29,6 @@ NEW: Final = ("1.7", "1.9", "1.10", "1.11")
 SINCE_15: Final = (*FLAGGED, *NEW)
 ALL: Final = (*OLD, *SINCE_15)
 AXIS: Final = (0.48, -0.6, 0.64)
-
-
-def matrix(angles: Angles) -> Matrix:
-    """Spec, <pose>: roll about x, then pitch about y, then yaw about z, each about a fixed axis."""
-    (cr, cp, cy), (sr, sp, sy) = map(math.cos, angles), map(math.sin, angles)
-    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    turned: Matrix = yaw @ pitch @ roll
-    return turned
 
 
 # The angles of links, frames, joints and a nested model. A confusion of any two of them changes every axis.
@@ -53,7 +41,8 @@ ANGLES: Final[dict[str, Angles]] = {
     "k": (-0.35, 1.2, 0.15),
     "n": (0.5, 0.05, 2.1),
 }
-A, B, C, F, J, K, N = (matrix(angles) for angles in ANGLES.values())
+# Spec, <pose>: roll about x, then pitch about y, then yaw about z, each about a fixed axis.
+A, B, C, F, J, K, N = (turn_of_rpy(*angles) for angles in ANGLES.values())
 MODEL: Final = np.eye(3)
 
 
@@ -188,11 +177,8 @@ def test_a_joint_to_a_link_of_a_nested_model(
     version: str, expressed_in: str | None, expected: Matrix, tmp_path: Path
 ) -> None:
     inner = "".join((link("a", pose("a")), link("b", pose("b")), f'<frame name="f">{pose("f")}</frame>'))
-    outer = (
-        link("root"),
-        joint("i", "root", "n::a"),
-        joint("j", "root", "n::b", pose("j") + axis(expressed_in), "continuous"),
-    )
+    turning = joint("j", "root", "n::b", pose("j") + axis(expressed_in), "continuous")
+    outer = (link("root"), joint("i", "root", "n::a"), turning)
     model = load(tmp_path, sdf(f'<model name="n">{pose("n")}{inner}</model>', *outer, version=version))
     made = model.joints_by_name["j"]
     assert made.axis_xyz == pytest.approx(tuple((N @ B).T @ expected @ np.array(AXIS)), abs=1e-12)

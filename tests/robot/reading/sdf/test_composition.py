@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -39,14 +38,11 @@ def include(uri: str, inside: str = "", attributes: str = "") -> str:
     return f"<include{attributes}><uri>{uri}</uri>{inside}</include>"
 
 
-def test_a_nested_model_is_placed_as_a_whole(tmp_path: Path) -> None:
+def test_a_nested_model_is_placed_as_a_whole_or_by_a_frame_of_its_own(tmp_path: Path) -> None:
     inner = f'<model name="arm"><pose>0 5 0 0 0 0</pose>{ARM}</model>'
     model = load(tmp_path, sdf(link("base"), inner, joint("mount", "base", "arm::low")))
     assert names(model) == (["base", "arm::low", "arm::high"], ["arm::lift", "mount"])
     assert (position(model, "arm::low"), position(model, "arm::high")) == (near(0, 5, 0), near(0, 5, 1))
-
-
-def test_a_nested_model_is_placed_by_a_frame_of_its_own(tmp_path: Path) -> None:
     inner = f'<model name="arm" placement_frame="flange"><pose>0 5 0 0 0 0</pose>{ARM}</model>'
     model = load(tmp_path, sdf(link("base"), inner, joint("mount", "base", "arm")))
     # The flange is where the pose says; the lower link half a metre behind it and a metre below.
@@ -101,9 +97,7 @@ def test_what_is_merged_has_no_name_of_its_own(tmp_path: Path) -> None:
     assert names(model) == (["base", "low", "high", "tool"], ["lift", "mount", "hold"])
     assert (position(model, "low"), position(model, "high")) == (near(0, 5, 0), near(0, 5, 1))
     assert position(model, "tool") == near(0, 5, 0)
-
-
-def test_only_a_merged_model_is_the_model(tmp_path: Path) -> None:
+    # Only a merged model is the model.
     written(tmp_path / "arm.sdf", sdf(ARM))
     assert load(tmp_path, sdf(include("arm.sdf", "", ' merge="true"'))).root == "low"
 
@@ -134,9 +128,7 @@ def test_meshes_lie_beside_the_file_that_names_them(tmp_path: Path) -> None:
     written(tmp_path / "parts/wheel/meshes/rim.stl", TETRAHEDRON)
     model = load(tmp_path, sdf(link("base"), include("model://wheel", "<name>w</name>"), joint("j", "base", "w::rim")))
     assert mesh_text(model)
-
-
-def test_a_finding_names_the_file_that_it_is_in(tmp_path: Path) -> None:
+    # A finding names the file that it is in.
     hub = (link("hub", MESH.format("absent.stl")), joint("j", "rim", "hub"))
     written(tmp_path / "parts/wheel/model.sdf", sdf(link("rim"), *hub))
     with pytest.raises(RefusedModel) as refused:
@@ -146,21 +138,15 @@ def test_a_finding_names_the_file_that_it_is_in(tmp_path: Path) -> None:
     assert (problem.location.line, "[missing-mesh]" in problem.message) == (4, True)
 
 
-@pytest.mark.parametrize("where", ["model", "include", "outer"])
-def test_a_static_part_hangs_on_the_world(where: str, tmp_path: Path) -> None:
-    said = "<static>true</static>"
-    written(tmp_path / "arm.sdf", sdf(ARM, said if where == "model" else ""))
-    included = include("arm.sdf", f"<name>a</name>{said if where == 'include' else ''}")
-    parts = (said if where == "outer" else "", included)
+@pytest.mark.parametrize("where", ["model", "include", "outer", "nested", "around"])
+def test_a_static_part_hangs_on_the_world_with_what_is_nested_in_it(where: str, tmp_path: Path) -> None:
+    said = {where: "<static>true</static>"}
+    written(tmp_path / "arm.sdf", sdf(ARM, said.get("model", "")))
+    parts = (said.get("outer", ""), include("arm.sdf", f"<name>a</name>{said.get('include', '')}"))
+    if where in ("nested", "around"):
+        inner = f'<model name="a">{said.get("nested", "")}{ARM}</model>'
+        parts = (said.get("around", ""), f'<model name="o">{inner}</model>')
     model = load(tmp_path, sdf(*parts))
-    assert (model.root, {joint.type for joint in model.joints}) == ("world", {"fixed"})
-
-
-@pytest.mark.parametrize("where", ["nested", "outer"])
-def test_what_is_nested_in_something_static_is_static(where: str, tmp_path: Path) -> None:
-    said = "<static>true</static>"
-    inner = f'<model name="a">{said if where == "nested" else ""}{ARM}</model>'
-    model = load(tmp_path, sdf(said if where == "outer" else "", f'<model name="o">{inner}</model>'))
     assert (model.root, {joint.type for joint in model.joints}) == ("world", {"fixed"})
 
 
@@ -170,38 +156,22 @@ def test_plugins_of_all_models_are_handed_on(tmp_path: Path) -> None:
     assert {plugin.name for plugin in load(tmp_path, sdf(*parts)).plugins} == {"a", "b", "c"}
 
 
-def before_the_first_link(count: int) -> str:
-    return sdf(*(f'<frame name="f{n}"/>' for n in range(count)), link("a"))
+LINK = link("a")
+MANY_FRAMES = {
+    "before the first link": ('<frame name="f{n}"/>', "", LINK),
+    "without a link": ('<frame name="f{n}"/>', "", ""),
+    "attached in a circle": ('<frame name="f{n}" attached_to="f{after}"><pose relative_to="a"/></frame>', LINK, ""),
+    "placed in a circle": ('<frame name="f{n}"><pose relative_to="f{after}"/></frame>', LINK, ""),
+    "chained to nothing": ('<frame name="f{n}" attached_to="f{above}"/>', LINK, ""),
+}
 
 
-def without_a_link(count: int) -> str:
-    return sdf(*(f'<frame name="f{n}"/>' for n in range(count)))
-
-
-def attached_in_a_circle(count: int) -> str:
-    ends = ((n, (n + 1) % count) for n in range(count))
-    frames = (f'<frame name="f{n}" attached_to="f{other}"><pose relative_to="a"/></frame>' for n, other in ends)
-    return sdf(link("a"), *frames)
-
-
-def placed_in_a_circle(count: int) -> str:
-    frames = (f'<frame name="f{n}"><pose relative_to="f{(n + 1) % count}"/></frame>' for n in range(count))
-    return sdf(link("a"), *frames)
-
-
-def chained_to_nothing(count: int) -> str:
-    return sdf(link("a"), *(f'<frame name="f{n}" attached_to="f{n + 1}"/>' for n in range(count)))
-
-
-@pytest.mark.parametrize(
-    "text",
-    [before_the_first_link, without_a_link, attached_in_a_circle, placed_in_a_circle, chained_to_nothing],
-    ids=lambda text: text.__name__,
-)
-def test_frames_cost_the_same_each(text: Callable[[int], str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("frame", "first", "last"), MANY_FRAMES.values(), ids=MANY_FRAMES)
+def test_frames_cost_the_same_each(frame: str, first: str, last: str, tmp_path: Path) -> None:
     def read(count: int) -> None:
+        frames = (frame.format(n=n, after=(n + 1) % count, above=n + 1) for n in range(count))
         with suppress(ModelError):
-            load(tmp_path, text(count))
+            load(tmp_path, sdf(first, *frames, last))
 
     small, large = work_of(lambda: read(200)), work_of(lambda: read(400))
     assert large < 2.2 * small

@@ -15,16 +15,10 @@ HALF = math.pi / 2
 QUARTER_TURN = f"0 0 0 0 0 {HALF}"
 
 
-def test_a_link_is_placed_in_the_models_frame(tmp_path: Path) -> None:
-    model = load(
-        tmp_path,
-        sdf(link("a", "<pose>1 0 0 0 0 0</pose>"), link("b", "<pose>1 2 0 0 0 0</pose>"), joint("j", "a", "b")),
-    )
-    assert model.root == "a"
-    assert position(model, "b") == near(0, 2, 0)
-
-
-def test_a_turned_root_turns_what_it_sees(tmp_path: Path) -> None:
+def test_a_link_is_placed_in_the_models_frame_and_a_turned_root_turns_what_it_sees(tmp_path: Path) -> None:
+    parts = (link("a", "<pose>1 0 0 0 0 0</pose>"), link("b", "<pose>1 2 0 0 0 0</pose>"), joint("j", "a", "b"))
+    model = load(tmp_path, sdf(*parts))
+    assert (model.root, position(model, "b")) == ("a", near(0, 2, 0))
     root, child = link("a", f"<pose>{QUARTER_TURN}</pose>"), link("b", "<pose>0 2 0 0 0 0</pose>")
     model = load(tmp_path, sdf(root, child, joint("j", "a", "b")))
     assert position(model, "b") == near(2, 0, 0)
@@ -102,10 +96,7 @@ def test_a_models_frame_is_attached_to_its_canonical_link(tmp_path: Path) -> Non
     inner = f'<model name="arm" canonical_link="b">{link("a")}{link("b")}{joint("j", "a", "b")}</model>'
     on_arm = joint("k", "arm", "tool")
     assert load(tmp_path, sdf(inner, link("tool"), on_arm)).joints_by_name["k"].parent == "arm::b"
-
-
-def test_the_first_link_may_be_in_a_merged_model(tmp_path: Path) -> None:
-    """The parts of a merged model stand where its <include> stands."""
+    # Else to the first link. The parts of a merged model stand where its <include> stands.
     written(tmp_path / "arm.sdf", sdf(link("a")))
     body = f'<include merge="true"><uri>arm.sdf</uri></include>{link("b")}{joint("j", "a", "b")}'
     model = load(tmp_path, sdf(f'<model name="inner">{body}</model>', link("tool"), joint("k", "inner", "tool")))

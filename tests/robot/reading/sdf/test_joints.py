@@ -15,9 +15,6 @@ from tests.robot.reading.sdf.models import INERTIAL, SPHERE, joint, link, load, 
 HALF = math.pi / 2
 
 
-# --- joints and their frames ---
-
-
 def turning(pose: str = "", axis: str = "<xyz>0 0 1</xyz>", kind: str = "revolute") -> str:
     child = link("b", f"<pose>1 0 0 0 0 {HALF}</pose>")
     return "\n".join((link("a"), child, joint("j", "a", "b", f"{pose}<axis>{axis}</axis>", kind)))
@@ -76,9 +73,8 @@ def test_a_negative_or_infinite_effort_is_no_limit(
 def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
     leader = joint("lead", "a", "b", "<axis><xyz>0 0 1</xyz></axis>", "continuous")
     mimic = '<mimic joint="lead"><multiplier>2</multiplier><offset>1</offset><reference>0.25</reference></mimic>'
-    dynamics = (
-        "<dynamics><damping>0.3</damping><friction>0.2</friction><spring_stiffness>9</spring_stiffness></dynamics>"
-    )
+    stated = "<damping>0.3</damping><friction>0.2</friction><spring_stiffness>9</spring_stiffness>"
+    dynamics = f"<dynamics>{stated}</dynamics>"
     start = "<initial_position>0.5</initial_position>"
     follower = joint("j", "b", "c", f"<axis><xyz>0 0 1</xyz>{start}{dynamics}{mimic}</axis>", "continuous")
     model = load(tmp_path, sdf(link("a"), link("b"), link("c"), leader, follower, version="1.11"))
@@ -95,9 +91,8 @@ def test_a_ball_joint_turns_about_the_origin_of_its_own_frame(tmp_path: Path) ->
     ball = joint("j", "a", "b", "<pose>0 0 0.5 0 0 0</pose>", "ball")
     model = load(tmp_path, sdf(link("a"), link("b", "<pose>0 0 1 0 0 0</pose>"), ball))
     assert rules(model) == []
-    assert [(part.name, part.type, part.ball) for part in model.joints] == [
-        (f"j_{axis}", "ball", "j") for axis in "xyz"
-    ]
+    parts = [(part.name, part.type, part.ball) for part in model.joints]
+    assert parts == [(f"j_{axis}", "ball", "j") for axis in "xyz"]
     assert model.joints[0].origin.position_xyz == near(0, 0, 1.5)
     element = ET.fromstring(model.urdf).find("joint[@name='j']")
     assert element is not None
@@ -139,20 +134,12 @@ def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(tmp_path: 
     assert rules(model) == ["unsupported-joint"]
 
 
-# --- the world ---
-
-
-def test_what_hangs_on_the_world_is_where_the_file_puts_it(tmp_path: Path) -> None:
+def test_what_hangs_on_the_world_is_where_the_pose_of_the_model_or_of_its_placement_frame_is(tmp_path: Path) -> None:
     parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
     model = load(tmp_path, sdf(*parts))
-    assert model.root == "world"
-    assert position(model, "a") == near(2, 0, 1)
-
-
-def test_a_placement_frame_is_what_the_pose_is_of(tmp_path: Path) -> None:
-    parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
-    model = load(tmp_path, sdf(*parts, attributes=' placement_frame="a"'))
-    assert position(model, "a") == near(0, 0, 1)
+    assert (model.root, position(model, "a")) == ("world", near(2, 0, 1))
+    placed = load(tmp_path, sdf(*parts, attributes=' placement_frame="a"'))
+    assert position(placed, "a") == near(0, 0, 1)
 
 
 def test_what_is_static_hangs_on_the_world_and_does_not_move(tmp_path: Path) -> None:
@@ -162,15 +149,10 @@ def test_what_is_static_hangs_on_the_world_and_does_not_move(tmp_path: Path) -> 
     assert (position(model, "b"), position(model, "lid")) == (near(1, 0, 0), near(0, 0, 3))
 
 
-# --- the file ---
-
-
 def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
-    plugin = (
-        '<plugin filename="libdrive.so" name="drive"><left_joint>wl</left_joint><odom><rate>30</rate></odom></plugin>'
-    )
-    model = load(tmp_path, sdf(link("a"), plugin))
-    (handed,) = model.plugins
+    parameters = "<left_joint>wl</left_joint><odom><rate>30</rate></odom>"
+    plugin = f'<plugin filename="libdrive.so" name="drive">{parameters}</plugin>'
+    (handed,) = load(tmp_path, sdf(link("a"), plugin)).plugins
     assert (handed.name, handed.parameters) == ("drive", (("left_joint", "wl"), ("odom", "")))
 
 
@@ -178,20 +160,13 @@ def test_what_never_had_a_meaning_is_said(tmp_path: Path) -> None:
     model = load(tmp_path, sdf("<self_collide>1</self_collide>", link("a", '<pose frame="base"/>'), version="1.6"))
     assert rules(model) == ["passed-over", "passed-over"]
     assert [finding.location.line for finding in model.findings] == [3, 4]
+    # A newer version is read as the newest that is known.
+    assert rules(load(tmp_path, sdf(link("a"), version="1.13"))) == ["passed-over"]
 
 
 def test_a_link_named_world_is_the_world_where_it_may_be(tmp_path: Path) -> None:
     parts = ('<link name="world"/>', link("a"), joint("j", "world", "a"))
     assert [link.name for link in load(tmp_path, sdf(*parts, version="1.6")).links] == ["world", "a"]
-
-
-def test_a_newer_version_is_read_as_the_newest_that_is_known(tmp_path: Path) -> None:
-    assert rules(load(tmp_path, sdf(link("a"), version="1.13"))) == ["passed-over"]
-
-
-def test_a_static_model_needs_no_mass(tmp_path: Path) -> None:
-    model = load(tmp_path, sdf("<static>1</static>", '<link name="a"/>', '<link name="b"/>'))
-    assert (rules(model), model.mass) == (["no-collision-shape"], 0)
 
 
 def test_the_mass_and_its_place_are_read(tmp_path: Path) -> None:
@@ -205,15 +180,14 @@ def test_the_mass_and_its_place_are_read(tmp_path: Path) -> None:
     assert [float(word) for word in origin.attrib["rpy"].split()] == pytest.approx([0, 0, HALF])
 
 
-def test_what_an_inertial_leaves_out_is_as_the_format_has_it(tmp_path: Path) -> None:
+def test_what_an_inertial_leaves_out_is_as_the_format_has_it_and_a_static_model_needs_none(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<static>1</static>", '<link name="a"/>', '<link name="b"/>'))
+    assert (rules(model), model.mass) == (["no-collision-shape"], 0)
     model = load(tmp_path, sdf(f'<link name="a">{SPHERE}<inertial/></link>'))
     assert model.mass == 1.0
     (finding,) = model.findings
     assert finding.rule == "default-inertia"
     assert "mass = 1 kg, inertia/ixx = 1 kg m^2" in finding.message
-
-
-def test_a_link_without_inertial_weighs_next_to_nothing(tmp_path: Path) -> None:
     model = load(tmp_path, sdf(link("a"), f'<link name="b">{SPHERE}</link>', joint("j", "a", "b")))
     assert (model.mass, rules(model)) == (1.0, ["missing-inertia"])
 
@@ -235,12 +209,9 @@ def test_shapes_have_their_size(shape: str, upper: Vector3, tmp_path: Path) -> N
     assert (read.upper_xyz, read.pose.position_xyz) == (upper, (1, 0, 0))
 
 
-def test_what_is_empty_collides_with_nothing(tmp_path: Path) -> None:
+def test_what_is_empty_collides_with_nothing_and_parts_may_be_placed_relative_to_other_frames(tmp_path: Path) -> None:
     empty = '<collision name="e"><geometry><empty/></geometry></collision>'
     assert len(load(tmp_path, sdf(link("a", empty))).links[0].collisions) == 1
-
-
-def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path) -> None:
     part = '<collision name="d"><pose relative_to="a">0 0 1 0 0 0</pose><geometry><sphere><radius>1</radius></sphere>'
     child = link("b", f"<pose>5 0 0 0 0 0</pose>{part}</geometry></collision>")
     model = load(tmp_path, sdf(link("a"), child, joint("j", "a", "b")))
@@ -272,11 +243,9 @@ def test_friction_is_what_a_collision_of_the_link_says(
 
 
 def test_stiffness_and_damping_of_contacts_are_handed_on(tmp_path: Path) -> None:
-    contact = "<surface><contact><ode><kp>1e5</kp><kd>10</kd></ode></contact></surface>"
-    model = load(
-        tmp_path, sdf(f'<link name="a">{INERTIAL}{SPHERE.replace("</collision>", contact + "</collision>")}</link>')
-    )
-    assert (model.links[0].surface.stiffness, model.links[0].surface.damping) == (1e5, 10)
+    contact = "<surface><contact><ode><kp>1e5</kp><kd>10</kd></ode></contact></surface></collision>"
+    surface = load(tmp_path, sdf(link("a").replace("</collision>", contact))).links[0].surface
+    assert (surface.stiffness, surface.damping) == (1e5, 10)
 
 
 @pytest.mark.parametrize(
