@@ -11,6 +11,7 @@ from typing import Any
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import clean_mesh
 from sim_action.meshes.collision_hulls import hull_file_name
+from tests.patience import PATIENCE
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
 ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull
@@ -19,7 +20,7 @@ ENGINES_MARGIN = 0.001  # in m: what PyBullet 3.2.7 puts around each hull
 def found(*asked: list[Any]) -> list[dict[str, Any]]:
     """What the child says to each that it is asked."""
     command = [sys.executable, str(_CHILD), json.dumps(asked)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=True)
     answers = [json.loads(line[6:]) for line in done.stdout.splitlines() if line.startswith("FOUND ")]
     assert len(answers) == len(asked)
     return answers

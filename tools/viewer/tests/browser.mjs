@@ -43,6 +43,8 @@ export async function visit(address, how, look) {
       javaScriptEnabled: how.scripts ?? true,
       reducedMotion: "reduce",
     });
+    // As long as the tests wait: a busy machine decides nothing.
+    context.setDefaultTimeout(600_000);
     const page = await context.newPage();
     const said = [];
     const requests = [];
@@ -60,6 +62,10 @@ export async function visit(address, how, look) {
     await (how.browser ? context?.close() : browser.close());
   }
 }
+
+/** Waits until what has changed is drawn. */
+export const drawn = (/** @type {import("playwright-core").Page} */ page) =>
+  page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 
 /** The replay of the open scenario, once it is drawn. */
 export const READY = ".scenario.live .view canvas[data-kind]";

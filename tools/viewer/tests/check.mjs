@@ -7,7 +7,7 @@
 import assert from "node:assert/strict";
 import { createInterface } from "node:readline";
 import { pathToFileURL } from "node:url";
-import { READY, launch, ready, visit } from "./browser.mjs";
+import { READY, drawn, launch, ready, visit } from "./browser.mjs";
 import { ACCESSIBLE } from "./checks/accessible.mjs";
 import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
@@ -289,13 +289,13 @@ const CHECKS = {
       await ready(page);
       const before = await picture(page);
       await page.selectOption("select[aria-label=Link]", { label: "base_scan" });
-      await page.waitForTimeout(100);
+      await drawn(page);
       assert.notEqual(await picture(page), before);
       await page.keyboard.press("v");
       await page.waitForSelector("canvas[data-kind=top]");
       const above = await picture(page);
       await page.selectOption("select[aria-label=Link]", { index: 0 });
-      await page.waitForTimeout(100);
+      await drawn(page);
       assert.notEqual(await picture(page), above);
     },
   },

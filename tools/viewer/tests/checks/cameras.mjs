@@ -1,7 +1,7 @@
 /** Cameras of the view, and what is measured from above. */
 
 import assert from "node:assert/strict";
-import { ready } from "../browser.mjs";
+import { drawn, ready } from "../browser.mjs";
 
 
 /** @typedef {import("playwright-core").Page} Page */
@@ -55,7 +55,7 @@ export const CAMERAS = {
       await page.selectOption("select[aria-label=View]", "behind");
       assert.equal(await word(page), "behind");
       assert.equal(await page.getAttribute(".tools [aria-pressed]", "aria-pressed"), "true");
-      await page.waitForTimeout(100);
+      await drawn(page);
       assert.notEqual((await page.locator(".view canvas").screenshot()).toString("base64"), before);
       await page.locator("select[aria-label=View]").blur();
       await page.keyboard.press("c");

@@ -1,13 +1,12 @@
 /** The checks of what sensors saw: scans, forces, pictures and the menu of layers. */
 
 import assert from "node:assert/strict";
-import { ready } from "../browser.mjs";
+import { drawn, ready } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
 const word = (/** @type {Page} */ page) => page.evaluate(() => new URLSearchParams(location.hash.slice(1)).get("layers"));
 const picture = async (/** @type {Page} */ page) => (await page.locator(".view canvas").screenshot()).toString("base64");
-const drawn = (/** @type {Page} */ page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 const box = (/** @type {Page} */ page, /** @type {string} */ label) => page.locator(".layers label", { hasText: label }).locator("input");
 
 /** @type {Record<string, {how?: object, hash?: string, look: (page: Page) => Promise<void>}>} */
