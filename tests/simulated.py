@@ -26,5 +26,10 @@ def simulated(folder: Path, scenario: str | Mapping[str, Any], *, outside: bool 
         scenario = json.dumps(scenario)
     path = folder / "s.sim.yml"
     path.write_text(scenario, encoding="utf-8")
+    return run_of(path, outside=outside)
+
+
+def run_of(path: Path, *, outside: bool = False, **changes: Any) -> SimulationRun:
+    """The run of a scenario file; `changes` replace parts of the scenario."""
     loaded = load_scenario(path, Permissions(outside=outside))
-    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return simulate(loaded.scenario.model_copy(update=changes), build_scene(loaded), lambda _: None)

@@ -13,9 +13,10 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES
+from sim_action.engines import ENGINES, installed
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
@@ -23,7 +24,13 @@ from sim_action.state.trace_records import Channels, ClearanceWatch
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
-on_every_engine = pytest.mark.parametrize("engine", list(ENGINES))
+on_every_engine = pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(name, marks=pytest.mark.skipif(name not in installed(), reason=f"{name} is not installed"))
+        for name in ENGINES
+    ],
+)
 
 
 def inertia(moment: float) -> str:
@@ -83,12 +90,28 @@ def scene_of(
     return Scene(robot, model, world or World(), Physics(rate=rate), Workspace(folder, folder))
 
 
+def scene_of_file(
+    folder: Path, name: str, text: str, world: World | None = None, *, rate: float = 240.0, **robot: Any
+) -> Scene:
+    """The scene of a model in any format; `robot`: more of what a scenario says of it."""
+    (folder / name).write_text(text, encoding="utf-8")
+    spec, workspace = Robot(model=name, **robot), Workspace(folder, folder)
+    return Scene(spec, load_model(spec, workspace), world or World(), Physics(rate=rate), workspace)
+
+
 @contextmanager
 def running(
-    engine: str, scene: Scene, *, contacts: bool = False, clearances: Iterable[ClearanceWatch] = ()
+    engine: str,
+    scene: Scene,
+    *,
+    contacts: bool = False,
+    clearances: Iterable[ClearanceWatch] = (),
+    objects: Iterable[str] = (),
+    self_contacts: bool = False,
 ) -> Iterator[Engine]:
     pytest.importorskip(ENGINES[engine].package, reason=f"{engine} is not installed")
-    backend = ENGINES[engine].load()(scene, Channels(contacts, frozenset(clearances)))
+    channels = Channels(contacts, frozenset(clearances), objects=frozenset(objects), self_contacts=self_contacts)
+    backend = ENGINES[engine].load()(scene, channels)
     try:
         yield backend
     finally:

@@ -57,45 +57,40 @@ def entries(folder: Path) -> list[Path]:
     return sorted((folder / "cache" / "sim-action" / "meshes").iterdir())
 
 
-def halved(path: Path) -> None:
-    os.truncate(path, path.stat().st_size // 2)
-
-
 def flipped(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[-20] ^= 1
     path.write_bytes(data)
 
 
-def emptied(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def a_folder(path: Path) -> None:
+def turned_into_a_folder(path: Path) -> None:
     path.unlink()
     path.mkdir()
 
 
-def of_another_mesh(path: Path) -> None:
-    """As it is without a checksum: a box that no ball meets."""
-    path.write_bytes(obj([(x + 9, y, z) for x, y, z in CORNERS]))
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "halved": lambda path: os.truncate(path, path.stat().st_size // 2),
+    "flipped": flipped,
+    "emptied": lambda path: path.write_bytes(b""),
+    "a folder": turned_into_a_folder,
+    # As it is without a checksum: a box that no ball meets.
+    "of another mesh": lambda path: path.write_bytes(obj([(x + 9, y, z) for x, y, z in CORNERS])),
+}
 
 
-@pytest.mark.process
-@pytest.mark.parametrize("damage", [halved, flipped, emptied, a_folder, of_another_mesh])
-def test_a_damaged_entry_changes_no_verdict(damage: Callable[[Path], None], folder: Path) -> None:
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_entry_changes_no_verdict(damage: str, folder: Path) -> None:
     first = verdict(folder)
     before = {path: path.read_bytes() for path in entries(folder)}
     assert {path.suffix for path in before} == {".obj", ".npz"}
     for path in before:
-        damage(path)
+        DAMAGES[damage](path)
     assert verdict(folder) == first
-    if damage is not a_folder:
+    if damage != "a folder":
         assert {path: path.read_bytes() for path in entries(folder) if path.suffix == ".obj"}.items() <= before.items()
     assert verdict(folder) == first
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("place", ["/proc/nothing", "/dev/full", "/dev/null/a"])
 def test_a_cache_that_cannot_be_used_changes_no_verdict(
     place: str, folder: Path, monkeypatch: pytest.MonkeyPatch

@@ -1,4 +1,4 @@
-"""What PyBullet does with the meshes of strangers, and what it does once they are rewritten."""
+"""What PyBullet does with the meshes of strangers, and what it does once they are rewritten, beside what is right."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from sim_action.meshes import MeshError
+from tests import mesh_files
 from tests.integration.mesh_trials import ENGINES_MARGIN, both, found, reach, rewritten, written
 from tests.mesh_files import GOOD, HALF, SHOWN, SIDES, ascii_stl, dae, obj, stl, two_instances, two_objects, wheel
 
@@ -71,7 +72,6 @@ MISREAD: dict[str, tuple[str, bytes, tuple[float | None, ...], tuple[float, ...]
 
 
 def each_written(folder: Path, cases: Mapping[str, tuple[Any, ...]]) -> dict[str, Path]:
-    """Write the file of each case into a folder of its own."""
     paths = {}
     for number, (case, (name, data, *_)) in enumerate(cases.items()):
         (folder / str(number)).mkdir()
@@ -123,3 +123,23 @@ def test_whatever_is_rewritten_does_the_engine_no_harm(tmp_path: Path) -> None:
             pass
     assert kept > 100
     assert found(["survive", str(tmp_path / "rewritten")]) == [{"lost": 0}]
+
+
+def test_a_scale_acts_as_it_does_in_the_engine(tmp_path: Path) -> None:
+    path = written(tmp_path, "L.stl", stl(mesh_files.L_POINTS, mesh_files.L_FACES))
+    scales = [(2, 1, 0.5), (-1, 1, 1), (-1, -2, -0.1)]
+    shapes = [[str(path), "", " ".join(map(str, scale))] for scale in scales]
+    shapes += [[rewritten(path, scale)] for scale in scales]
+    reaches = [reach(answer) for answer in found(*(["look_at", *shape] for shape in shapes))]
+    for alone, helped in zip(reaches[:3], reaches[3:], strict=True):
+        assert [part - ENGINES_MARGIN for part in alone] == pytest.approx(helped, abs=1e-5)
+
+
+def test_a_box_stands_at_its_height_and_weighs_what_is_stated(tmp_path: Path) -> None:
+    files = {"a.stl": stl(), "a.obj": obj(), "a.dae": dae(), "b.stl": ascii_stl()}
+    paths = [written(tmp_path, name, data) for name, data in files.items()]
+    shapes = [*map(rewritten, paths), rewritten(paths[0], margin=0)]
+    *drawn_in, as_it_is = found(*(["look_at", shape] for shape in shapes))
+    assert [answer["rests_at"] for answer in drawn_in] == pytest.approx([0.3] * 4, abs=5e-5)
+    assert [answer["mass"] for answer in drawn_in] == [2] * 4
+    assert as_it_is["rests_at"] == pytest.approx(0.3 + ENGINES_MARGIN, abs=5e-5)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-import sim_action
 from sim_action.core import geometry
 from sim_action.core.errors import RefusedModel
 from sim_action.robot.documents.xml_document import parse_document
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.urdf import read_urdf
-from sim_action.state.trace import Trace
 from sim_action.world import Ground, World
-from tests.integration.engines import advance, at, inertia, on_every_engine, one_link, running, scene_of
+from tests.integration.engines import at, inertia, on_every_engine, one_link, scene_of, travelled
 
 LEAN = 0.981  # m/s^2, along x: a body without friction moves by half of that in the first second
 
@@ -25,9 +22,7 @@ LEAN = 0.981  # m/s^2, along x: a body without friction moves by half of that in
 def moved(engine: str, folder: Path, urdf: str) -> float:
     """Return the way along x in m of a robot in 1 s on a ground that leans."""
     scene = scene_of(folder, urdf, at(), World(gravity=(LEAN, 0, -9.81), ground=Ground(friction=1.0)))
-    with running(engine, scene) as backend:
-        trace: Trace = advance(backend, 0, 240)
-    return float(trace.base_position_xyz[-1, 0])
+    return float(travelled(engine, scene, 240).base_position_xyz[-1, 0])
 
 
 BOX = '<box size="0.2 0.2 0.2"/>'
@@ -86,60 +81,35 @@ def model(folder: Path, text: str) -> RobotModel:
     return read_urdf(folder / "robot.urdf")
 
 
-def rules(found: RobotModel) -> list[str]:
-    return [finding.rule for finding in found.findings if finding.rule != "no-collision-shape"]
+def starts(joint: str, interface: str, value: str) -> str:
+    stated = f'<state_interface name="{interface}"><param name="initial_value">{value}</param></state_interface>'
+    return f'<joint name="{joint}">{stated}</joint>'
+
+
+START = '<joint name="{}"><param name="initial_position">0.5</param></joint>'
+FOLLOWS = (
+    '<joint name="j2"><param name="mimic">j1</param><param name="multiplier">-0.5</param>'
+    '<param name="offset">0.1</param></joint>'
+)
 
 
 @pytest.mark.parametrize(
     ("control", "positions", "noted"),
     [
-        (
-            (
-                '<joint name="j1"><state_interface name="position"><param name="initial_value">-1.57</param>'
-                "</state_interface></joint>"
-            ),
-            {"j1": -1.57, "j2": 0.0},
-            ["start-position"],
-        ),
-        (
-            '<joint name="j2"><param name="initial_position">0.5</param></joint>',
-            {"j1": 0, "j2": 0.5},
-            ["start-position"],
-        ),
-        (
-            (
-                '<joint name="j1"><state_interface name="velocity"><param name="initial_value">1</param>'
-                "</state_interface></joint>"
-            ),
-            {"j1": 0, "j2": 0},
-            [],
-        ),
-        (
-            (
-                '<joint name="j1"><state_interface name="position"><param name="initial_value">x</param>'
-                "</state_interface></joint>"
-            ),
-            {"j1": 0, "j2": 0},
-            ["passed-over"],
-        ),
-        (
-            (
-                '<joint name="j1"><param name="initial_position">0.5</param></joint><joint name="j2">'
-                '<param name="mimic">j1</param><param name="multiplier">-0.5</param>'
-                '<param name="offset">0.1</param></joint>'
-            ),
-            {"j1": 0.5, "j2": -0.15},
-            ["control-mimic", "start-position"],
-        ),
+        (starts("j1", "position", "-1.57"), {"j1": -1.57, "j2": 0.0}, ["start-position"]),
+        (START.format("j2"), {"j1": 0, "j2": 0.5}, ["start-position"]),
+        (starts("j1", "velocity", "1"), {"j1": 0, "j2": 0}, []),
+        (starts("j1", "position", "x"), {"j1": 0, "j2": 0}, ["passed-over"]),
+        (START.format("j1") + FOLLOWS, {"j1": 0.5, "j2": -0.15}, ["control-mimic", "start-position"]),
     ],
 )
 def test_ros2_control_states_start_positions_and_followers(
     control: str, positions: dict[str, float], noted: list[str], tmp_path: Path
 ) -> None:
-    found = model(tmp_path, arm(control))
-    assert found.positions({}) == pytest.approx(positions)
-    assert rules(found) == noted
-    assert found.positions({"j1": 0.2})["j1"] == 0.2
+    read = model(tmp_path, arm(control))
+    assert read.positions({}) == pytest.approx(positions)
+    assert [finding.rule for finding in read.findings if finding.rule != "no-collision-shape"] == noted
+    assert read.positions({"j1": 0.2})["j1"] == 0.2
 
 
 @pytest.mark.parametrize("rpy", [(0.3, 0.0, 0.0), (0.1, -0.7, 2.0), (0.0, 1.5707963267948966, 0.4)])
@@ -176,73 +146,3 @@ def test_what_tinyxml_reads_is_read_with_a_note(text: str, read: str | None) -> 
     assert [finding.rule for finding in document.findings] == ([] if read is None else ["lenient-xml"])
     assert read is None or (document.root.text or "").strip() == read
     assert read is None or document.findings[0].location.line == (2 if "\n" in text else 1)
-
-
-def test_adhesion_holds_as_in_mujoco_alone(tmp_path: Path) -> None:
-    mujoco: Any = pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
-    from tests.integration.test_native_robots import scene
-
-    text = """<mujoco><option gravity="0 0 {gravity}"/><worldbody>{floor}<body name="b" pos="0 0 .1"><freejoint/>
-      <geom type="sphere" size=".1" mass="1" adhesion="{adhesion}" gap=".01"/></body></worldbody></mujoco>"""
-    for adhesion in (25, 15):
-        plain = mujoco.MjModel.from_xml_string(
-            text.format(gravity=20, adhesion=adhesion, floor='<geom type="plane" size="1 1 1"/>')
-        )
-        data = mujoco.MjData(plain)
-        mujoco.mj_step(plain, data, 250)
-        robot = scene(tmp_path, text.format(gravity=-9, adhesion=adhesion, floor=""), World(gravity=(0, 0, 20)))
-        with running("mujoco", robot) as engine:
-            trace = advance(engine, 0, 120)
-        assert (data.qpos[2] < 0.12) == (trace.base_position_xyz[-1, 2] < 0.12) == (adhesion == 25)
-
-
-@pytest.mark.parametrize("option", ['integrator="RK4"', 'cone="pyramidal" solver="PGS"', 'iterations="3" impratio="2"'])
-def test_the_options_of_the_solver_are_named(option: str, tmp_path: Path) -> None:
-    pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
-    from tests.integration.test_native_robots import scene
-
-    text = f'<mujoco><option {option}/><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
-    notes = [finding.message for finding in scene(tmp_path, text).model.findings]
-    assert all(any(name.split("=")[0] in note for note in notes) for name in option.split())
-
-
-SUCTION = "world: {disturbances: [{at: 0, link: suction, adhesion: %s N}]}\n"
-
-
-@pytest.mark.parametrize(
-    ("keyframe", "world", "passes"),
-    [
-        ("on", "", True),
-        ("off", "", False),
-        ("off", SUCTION % 25, True),
-        ("off", SUCTION % 5, False),
-        ("off", SUCTION % 31, "the actuator 'suction' holds with 30 N at most"),
-        (
-            "off",
-            "world: {disturbances: [{at: 0, link: suction, payload: 1 kg}]}\n",
-            "give 'adhesion', or name its link",
-        ),
-        ("off", "world: {disturbances: [{at: 0, link: suctoin, adhesion: 5 N}]}\n", "the robot has no link 'suctoin'"),
-    ],
-)
-def test_an_adhesion_actuator_obeys_the_keyframe_and_disturbances(
-    keyframe: str, world: str, passes: bool | str, tmp_path: Path
-) -> None:
-    """A suction of 30 N at a control of 1 holds 1 kg, which weighs 9.8 N, against 20 N upward, as 25 N do."""
-    pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
-    (tmp_path / "foot.xml").write_text(
-        '<mujoco><worldbody><body name="foot" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/>'
-        '</body></worldbody><actuator><adhesion name="suction" body="foot" ctrlrange="0 1" gain="30"/></actuator>'
-        '<keyframe><key name="on" qpos="0 0 .05 1 0 0 0" ctrl="1"/><key name="off" qpos="0 0 .05 1 0 0 0" ctrl="0"/>'
-        "</keyframe></mujoco>"
-    )
-    (tmp_path / "foot.sim.yml").write_text(
-        f"name: suction\nrobot: {{model: foot.xml, keyframe: '{keyframe}'}}\nbackend: mujoco\n{world}"
-        "commands: [{wrench: {force: [0, 0, 20 N], at: 0.2 s, for: 1 s}}]\n"
-        "expect: [{stay_within: {z: [-0.06 m, 0.06 m]}}]\ntime_limit: 1 s\n"
-    )
-    results = sim_action.run(tmp_path / "foot.sim.yml", report=False)
-    if isinstance(passes, str):
-        assert passes in str(results.outcomes[0].failures)
-    else:
-        assert results.passed == passes

@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.errors import ModelError
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY
-from tests.integration.engines import advance, running
+from tests.integration.engines import travelled
 from tests.integration.test_native_motors import LIMIT_RAD, RATE, positions
 from tests.integration.test_native_robots import scene
 
@@ -72,9 +72,7 @@ def test_the_controller_of_the_model_moves_as_in_mujoco_alone(actuator: str, bef
     wanted, controls = COMMANDED[actuator]
     robot = scene(tmp_path, arm(actuator, before))
     moved: dict[str, Any] = {reading: {"arm": value} for reading, value in wanted.items()}
-    targets = JointTargets(**moved)
-    with running("mujoco", robot) as engine:
-        trace = advance(engine, 0, 240, targets)
+    trace = travelled("mujoco", robot, 240, JointTargets(**moved))
     model = mujoco.MjModel.from_xml_string(arm(actuator, before))
     data = mujoco.MjData(model)
     for number, control in controls.items():
@@ -91,8 +89,7 @@ def test_the_controller_of_the_model_moves_as_in_mujoco_alone(actuator: str, bef
 def test_plastic_springs_and_polynomials_act_as_in_mujoco_alone(joint: str, tmp_path: Path) -> None:
     text = arm('<motor joint="arm"/>').replace('name="arm" range', f'name="arm" {joint} range')
     assert text != arm('<motor joint="arm"/>')
-    with running("mujoco", scene(tmp_path, text)) as engine:
-        angles = positions(advance(engine, 0, 480, JointTargets(effort={"arm": 4.0})))[:, 1]
+    angles = positions(travelled("mujoco", scene(tmp_path, text), 480, JointTargets(effort={"arm": 4.0})))[:, 1]
     for alone, limit in ((text, (0.0, LIMIT_RAD)), (arm('<motor joint="arm"/>'), (0.01, np.inf))):
         data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(alone))
         data.ctrl[0] = 4.0
@@ -129,8 +126,7 @@ def test_a_keyframe_gives_each_actuator_its_controls(tmp_path: Path) -> None:
     text = arm('<pid name="m" joint="arm" input="pos ff"/>', '<dcmotor name="b" joint="first" nominal="9 1 9"/>', key)
     home = scene(tmp_path, text, keyframe="home")
     assert home.controls == {"b": (0.1,), "m": (0.2, 0.3), "last": (0.4,)}
-    with running("mujoco", home) as engine:
-        trace = advance(engine, 0, 240)
+    trace = travelled("mujoco", home, 240)
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

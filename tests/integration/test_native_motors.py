@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sim_action
 from sim_action.core.errors import BadStart, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.simulation.start_checks import raised_to_stand, refuse_bad_start
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Overlap
 from sim_action.state.trace import Trace
-from sim_action.world import GRAVITY, GROUND
-from tests.integration.engines import advance, running
+from sim_action.world import GRAVITY, GROUND, World
+from tests.integration.engines import advance, running, travelled
 from tests.integration.test_native_robots import scene
 
 mujoco: Any = pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
@@ -105,8 +106,7 @@ def test_motors_tendons_and_equalities_move_the_joints_as_mujoco_alone(tmp_path:
         grip = 100 * (0.03 if step > 100 else 0.0) / 0.0157
         return {"shoulder": target(step), "elbow": 7 / 3, "spin": 2 * 4.0, "grip": grip}
 
-    with running("mujoco", arm) as engine:
-        trace = advance(engine, 0, 480, *commands)
+    trace = travelled("mujoco", arm, 480, *commands)
     expected = alone(480, controls)
     names = [joint.name for joint in arm.model.moving_joints]
     assert names == ["shoulder", "elbow", "spin", "flap", "f1", "f2", "crank"]
@@ -119,8 +119,7 @@ def test_motors_tendons_and_equalities_move_the_joints_as_mujoco_alone(tmp_path:
 
 def test_the_motors_hold_the_keyframe_as_mujoco_alone(tmp_path: Path) -> None:
     arm = scene(tmp_path, ARM, keyframe="home")
-    with running("mujoco", arm) as engine:
-        trace = advance(engine, 0, 240, JointTargets(effort={"elbow": 0.0}))
+    trace = travelled("mujoco", arm, 240, JointTargets(effort={"elbow": 0.0}))
     assert np.abs(positions(trace) - alone(240, lambda _: {})).max() < LIMIT_RAD
 
 
@@ -130,8 +129,7 @@ def test_joints_of_the_scenario_override_the_keyframe_and_its_controls(tmp_path:
         {"shoulder": -0.3, "elbow": -0.4, "spin": 0, "flap": 0.1, "f1": 0.01, "f2": 0.01, "crank": 0.3}
     )
     assert set(arm.controls) == {"elbow", "spin", "pull"}
-    with running("mujoco", arm) as engine:
-        trace = advance(engine, 0, 480, JointTargets(effort={"elbow": 0.0}))
+    trace = travelled("mujoco", arm, 480, JointTargets(effort={"elbow": 0.0}))
     assert positions(trace)[-1, 0] == pytest.approx(-0.3, abs=0.3)
     assert positions(trace)[-1, 4] == pytest.approx(0.01, abs=0.002)
 
@@ -155,21 +153,18 @@ def test_an_actuator_without_a_joint_to_command_is_a_note(tmp_path: Path) -> Non
     assert [finding.location.line for finding in notes] == [line]
 
 
-def test_a_keyframe_is_found_by_name_and_a_typo_has_a_suggestion(tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match="has no keyframe 'hone'; did you mean 'home'"):
-        scene(tmp_path, ARM, keyframe="hone")
-    with pytest.raises(ModelError, match=r"the model has no keyframe 'xx' \(allowed: 1, home\)$"):
-        scene(tmp_path, ARM, keyframe="xx")
+def test_a_keyframe_has_its_name_and_its_number_and_a_typo_has_a_suggestion(tmp_path: Path) -> None:
+    for key, elbow in ((1, 0), ("1", 0), (0, -0.4), ("home", -0.4)):
+        assert scene(tmp_path, ARM, keyframe=key).joint_positions["elbow"] == elbow
+    for key, problem in (
+        ("hone", "has no keyframe 'hone'; did you mean 'home'"),
+        ("xx", r"the model has no keyframe 'xx' \(allowed: 1, home\)$"),
+        (2, "the model has no keyframe '2'"),
+    ):
+        with pytest.raises(ModelError, match=problem):
+            scene(tmp_path, ARM, keyframe=key)
     with pytest.raises(ModelError, match="the model has no keyframes; remove 'keyframe: home'"):
         scene(tmp_path, "<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>", keyframe="home")
-
-
-def test_a_keyframe_without_a_name_has_its_number(tmp_path: Path) -> None:
-    assert scene(tmp_path, ARM, keyframe=1).joint_positions["elbow"] == 0
-    assert scene(tmp_path, ARM, keyframe="1").joint_positions["elbow"] == 0
-    assert scene(tmp_path, ARM, keyframe=0).joint_positions["elbow"] == -0.4, "also one with a name"
-    with pytest.raises(ModelError, match="the model has no keyframe '2'"):
-        scene(tmp_path, ARM, keyframe=2)
 
 
 @pytest.mark.parametrize(
@@ -191,22 +186,22 @@ def test_a_keyframe_with_a_wrong_count_of_numbers_is_refused_with_its_line(
     assert scene(tmp_path, odd, keyframe=1).keyframe is not None, "others can be used"
 
 
-def test_the_height_of_a_keyframe_is_that_of_the_base_unless_the_scenario_states_one(tmp_path: Path) -> None:
-    drone = """<mujoco><worldbody><body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
-      <keyframe><key name="up" qpos="5 6 2 0.7071 0 0 0.7071"/></keyframe></mujoco>"""
+FLYING = """<mujoco><worldbody>{floor}
+  <body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
+  <keyframe><key name="up" qpos="{qpos}"/></keyframe></mujoco>"""
+
+
+def test_a_keyframe_places_the_base_above_the_floor_of_its_file_unless_the_scenario_does(tmp_path: Path) -> None:
+    drone = FLYING.format(floor="", qpos="5 6 2 0.7071 0 0 0.7071")
     placed = scene(tmp_path, drone, keyframe="up").placement
     assert (placed.x, placed.y, placed.z, placed.yaw) == pytest.approx((0, 0, 2, np.pi / 2), abs=1e-4)
     placed = scene(tmp_path, drone, keyframe="up", pose={"z": 3, "yaw": 0.1}).placement
     assert (placed.z, placed.yaw) == (3, 0.1)
-
-
-def test_a_keyframe_counts_from_the_floor_of_its_file(tmp_path: Path) -> None:
-    drone = """<mujoco><worldbody><geom type="plane" size="1 1 1" pos="0 0 -1"/>
-      <body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
-      <keyframe><key name="up" qpos="0 0 -0.5 0 0 0 0"/></keyframe></mujoco>"""
-    placed = scene(tmp_path, drone, keyframe="up").placement
+    floor = '<geom type="plane" size="1 1 1" pos="0 0 -1"/>'
+    low = FLYING.format(floor=floor, qpos="0 0 -0.5 0 0 0 0")
+    placed = scene(tmp_path, low, keyframe="up").placement
     assert (placed.z, placed.orientation_xyzw) == (0.5, (0, 0, 0, 1))
-    placed = scene(tmp_path, drone.replace("plane", "sphere"), keyframe="up").placement
+    placed = scene(tmp_path, low.replace("plane", "sphere"), keyframe="up").placement
     assert placed.z is None, "below the ground: it stands on the ground"
 
 
@@ -247,3 +242,61 @@ def test_a_bolted_robot_is_above_the_floor_of_its_file(tmp_path: Path) -> None:
     assert bolted.placement.z == 0.5
     with running("mujoco", bolted) as engine:
         assert engine.link_pose("d").position_xyz == pytest.approx((0, 0, 0.3))
+
+
+def test_adhesion_holds_as_in_mujoco_alone(tmp_path: Path) -> None:
+    text = """<mujoco><option gravity="0 0 {gravity}"/><worldbody>{floor}<body name="b" pos="0 0 .1"><freejoint/>
+      <geom type="sphere" size=".1" mass="1" adhesion="{adhesion}" gap=".01"/></body></worldbody></mujoco>"""
+    for adhesion in (25, 15):
+        plain = mujoco.MjModel.from_xml_string(
+            text.format(gravity=20, adhesion=adhesion, floor='<geom type="plane" size="1 1 1"/>')
+        )
+        data = mujoco.MjData(plain)
+        mujoco.mj_step(plain, data, 250)
+        robot = scene(tmp_path, text.format(gravity=-9, adhesion=adhesion, floor=""), World(gravity=(0, 0, 20)))
+        height = travelled("mujoco", robot, 120).base_position_xyz[-1, 2]
+        assert (data.qpos[2] < 0.12) == (height < 0.12) == (adhesion == 25)
+
+
+@pytest.mark.parametrize("option", ['integrator="RK4"', 'cone="pyramidal" solver="PGS"', 'iterations="3" impratio="2"'])
+def test_the_options_of_the_solver_are_named(option: str, tmp_path: Path) -> None:
+    text = f'<mujoco><option {option}/><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    notes = [finding.message for finding in scene(tmp_path, text).model.findings]
+    assert all(any(name.split("=")[0] in note for note in notes) for name in option.split())
+
+
+SUCTION = "world: {disturbances: [{at: 0, link: suction, %s}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("keyframe", "world", "passes"),
+    [
+        ("on", "", True),
+        ("off", "", False),
+        ("off", SUCTION % "adhesion: 25 N", True),
+        ("off", SUCTION % "adhesion: 5 N", False),
+        ("off", SUCTION % "adhesion: 31 N", "the actuator 'suction' holds with 30 N at most"),
+        ("off", SUCTION % "payload: 1 kg", "give 'adhesion', or name its link"),
+        ("off", "world: {disturbances: [{at: 0, link: suctoin, adhesion: 5 N}]}\n", "the robot has no link 'suctoin'"),
+    ],
+)
+def test_an_adhesion_actuator_obeys_the_keyframe_and_disturbances(
+    keyframe: str, world: str, passes: bool | str, tmp_path: Path
+) -> None:
+    """A suction of 30 N at a control of 1 holds 1 kg, which weighs 9.8 N, against 20 N upward, as 25 N do."""
+    (tmp_path / "foot.xml").write_text(
+        '<mujoco><worldbody><body name="foot" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/>'
+        '</body></worldbody><actuator><adhesion name="suction" body="foot" ctrlrange="0 1" gain="30"/></actuator>'
+        '<keyframe><key name="on" qpos="0 0 .05 1 0 0 0" ctrl="1"/><key name="off" qpos="0 0 .05 1 0 0 0" ctrl="0"/>'
+        "</keyframe></mujoco>"
+    )
+    (tmp_path / "foot.sim.yml").write_text(
+        f"name: suction\nrobot: {{model: foot.xml, keyframe: '{keyframe}'}}\nbackend: mujoco\n{world}"
+        "commands: [{wrench: {force: [0, 0, 20 N], at: 0.2 s, for: 1 s}}]\n"
+        "expect: [{stay_within: {z: [-0.06 m, 0.06 m]}}]\ntime_limit: 1 s\n"
+    )
+    results = sim_action.run(tmp_path / "foot.sim.yml", report=False)
+    if isinstance(passes, str):
+        assert passes in str(results.outcomes[0].failures)
+    else:
+        assert results.passed == passes

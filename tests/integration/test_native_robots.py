@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.core.workspace import Workspace
-from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_records import ClearanceWatch
-from sim_action.world import GRAVITY, Body, Physics, World
+from sim_action.world import GRAVITY, Body, World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, push, running
+from tests.integration.engines import advance, push, running, scene_of_file, travelled
 from tests.robot.reading.mjcf.test_mjcf_reader import ARM, ROVER
 from tests.simulated import simulated
 
@@ -34,9 +31,7 @@ TABLE = f"""<mujoco model="table"><worldbody><body name="top"><freejoint/>
 
 
 def scene(folder: Path, text: str, world: World | None = None, **robot: Any) -> Scene:
-    (folder / "robot.xml").write_text(text, encoding="utf-8")
-    named, workspace = Robot(model="robot.xml", **robot), Workspace(folder, folder)
-    return Scene(named, load_model(named, workspace), world or World(), Physics(), workspace)
+    return scene_of_file(folder, "robot.xml", text, world, **robot)
 
 
 def test_a_rover_drives_as_far_as_its_wheels_turn_and_stops_at_a_wall(tmp_path: Path) -> None:
@@ -61,8 +56,7 @@ def test_how_near_a_rover_comes_is_seen_also_where_nobody_knows_how_far_a_turn_t
     rover = scene(tmp_path, ROVER, World(objects=(wall,)))
     curve = JointTargets(velocity={"left": 5.0, "right": 4.5})
     least, always = ClearanceWatch(), ClearanceWatch(always=True)
-    with running("mujoco", rover, clearances=[least, always]) as backend:
-        trace = advance(backend, 0, 480, curve)
+    trace = travelled("mujoco", rover, 480, curve, clearances=[least, always])
     every = trace.clearances[always]
     assert len(every) == len(trace)
     assert every.distance[-1] < every.distance[0] - 0.5

@@ -44,9 +44,36 @@ def run(folder: Path, engine: str, *asked: dict[str, Any], **keys: Any) -> Simul
     return simulated(folder, scenario)
 
 
-def fallen(steps: int) -> float:
+def fallen(steps: Any) -> Any:
     """The height that a body has lost after these steps: both engines integrate semi-implicitly."""
     return GRAVITY / RATE**2 * steps * (steps + 1) / 2
+
+
+@on_every_engine
+def test_bodies_have_a_pose_at_every_step_of_the_trace_which_changes_nothing(engine: str, tmp_path: Path) -> None:
+    wall = {"name": "wall", "box": [0.1, 2.0, 0.5], "pose": {"x": 3}}
+    keys = {"world": {"objects": [CRATE, BALL, PARCEL, wall]}, "commands": {"twist": [{"linear": 0.2}]}}
+    names = ("crate", "ball", "parcel", "wall")
+    seen = [{"stl": f"always distance(base_scan, {name}) < 99 m", "severity": "warning"} for name in names]
+    full, thinned = (run(tmp_path, engine, **keys, expect=seen, trace={"rate": rate}) for rate in (RATE, RATE / 10))
+    plain = run(tmp_path, engine, **keys, expect=["upright"], allow=[])
+    assert full.digest == plain.digest
+    assert plain.trace.objects == {}
+    trace, steps = full.trace, np.arange(round(END * RATE) + 1)
+    assert all((record.time == trace.time).all() for record in trace.objects.values())
+    crate, ball, parcel, stands = (trace.objects[name].position_xyz for name in names)
+    assert crate[:, 2] == pytest.approx(0.5 + 0.2 * np.clip((trace.time - 0.25) / 0.25, 0, 1), abs=1e-6)
+    # The ball meets the ground after 0.62 s.
+    assert ball[:140, 2] == pytest.approx(2.0 - fallen(steps[:140]), abs=1e-6)
+    assert (np.isnan(parcel).all(axis=1) == (steps < 60)).all()
+    assert parcel[60:, 2] == pytest.approx(2.0 - fallen(steps[:-60]), abs=1e-6)
+    assert stands == pytest.approx(np.tile([3.0, 0.0, 0.25], (len(steps), 1)))
+    assert len(thinned.trace) == 19
+    for name, record in thinned.trace.objects.items():
+        assert (record.time == thinned.trace.time).all()
+        every = trace.objects[name].rows(np.searchsorted(trace.time, record.time))
+        np.testing.assert_array_equal(record.position_xyz, every.position_xyz)
+        np.testing.assert_array_equal(record.orientation_xyzw, every.orientation_xyzw)
 
 
 @on_every_engine

@@ -13,7 +13,6 @@ pytestmark = on_every_engine
 
 
 def slippery(friction: float) -> str:
-    """A crate, flat and heavy."""
     return CRATE.replace("<collision>", f'<contact><lateral_friction value="{friction}"/></contact><collision>')
 
 

@@ -10,9 +10,8 @@ import pytest
 from sim_action import robot as models
 from sim_action.engines import ENGINES, chosen
 from sim_action.engines.engine import Engine
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import SimulationRun, simulate
-from tests.simulated import simulated
+from sim_action.simulation.loop import SimulationRun
+from tests.simulated import run_of, simulated
 
 
 def run_burger(folder: Path, seconds: float, pose: dict[str, float], **keys: Any) -> SimulationRun:
@@ -47,8 +46,7 @@ def test_a_curve_bends_the_way_that_gazebos_plugin_turns(legacy: str, way: int, 
 
 def test_the_tutorials_scenario_reaches_its_goal_when_the_ramp_says() -> None:
     # 0.5 m while it ramps to 1 m/s within 1 s, 1 m in the second after that.
-    loaded = load_scenario(Path(__file__).parents[2] / "examples/turtlebot3/straight_line.sim.yml")
-    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    run = run_of(Path(__file__).parents[2] / "examples/turtlebot3/straight_line.sim.yml")
     (verdict,) = run.verdicts
     assert verdict.passed
     assert verdict.time == pytest.approx(2.00, abs=0.02)

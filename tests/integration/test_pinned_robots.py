@@ -49,13 +49,10 @@ def pins(ran: SimulationRun) -> list[str]:
 
 @on_every_engine
 @pytest.mark.parametrize("mass", [1.0, 40.0])
-def test_a_press_that_stops_at_the_robot_pins_nothing(engine: str, mass: float, tmp_path: Path) -> None:
+def test_a_pinned_robot_is_noted_and_one_that_the_press_only_reaches_is_not(
+    engine: str, mass: float, tmp_path: Path
+) -> None:
     assert pins(run(tmp_path, engine, block(mass), WALL, press(0.0))) == []
-
-
-@on_every_engine
-@pytest.mark.parametrize("mass", [1.0, 40.0])
-def test_a_pinned_robot_is_noted(engine: str, mass: float, tmp_path: Path) -> None:
     (note,) = pins(run(tmp_path, engine, block(mass), WALL, press(0.005)))
     assert note.startswith("'press' follows its path with unlimited force and pinned 'block' against 'wall', from 0.")
 

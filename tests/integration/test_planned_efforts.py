@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pybullet
 import pytest
 
 from sim_action.core.lazy_numpy import FloatArray
+from sim_action.simulation.loop import SimulationRun
 from sim_action.state.trace import Trace
 from tests.integration.engines import inertia, on_every_engine
 from tests.integration.test_joint_trajectories import ARMS, KNOWN, TIMES, Arm, wanted
@@ -115,33 +117,38 @@ def test_efforts_and_work_are_those_of_inverse_dynamics(engine: str, motion: int
     assert done == pytest.approx(needed, rel=0.03)
 
 
+TURRET = f"""<robot name="turret"><link name="base"/>
+<joint name="pan" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="40" velocity="3"/></joint>
+<link name="arm"><inertial><mass value="2"/>{inertia(0.16)}</inertial></link></robot>"""
+
+
+def turned(
+    folder: Path, engine: str, commands: object, expect: Sequence[object], urdf: str = TURRET, **keys: Any
+) -> SimulationRun:
+    """The run of a turret that is bolted down."""
+    (folder / "turret.urdf").write_text(urdf)
+    robot = {"model": "turret.urdf", "base": "fixed"}
+    scenario = {"name": "n", "robot": robot, "commands": commands, "expect": expect, "allow": ["fixed-base"]}
+    return simulated(folder, {**scenario, "backend": engine, **keys})
+
+
+def to(pan: float, time: float, **keys: object) -> dict[str, object]:
+    """A motion of minimum jerk to an angle in rad."""
+    return {"joints": [{"at": time, "position": {"pan": pan}}], "interpolation": "minimum_jerk", **keys}
+
+
 @pytest.mark.parametrize("rate", [200, 1000])
 @on_every_engine
 def test_a_light_joint_with_much_damping_follows_its_motion(engine: str, rate: int, tmp_path: Path) -> None:
     """The effort of minimum jerk is damping x speed, at most 1.875 way / time, and nearly no inertia."""
     damped = TURRET.replace("<axis", '<dynamics damping="5"/><axis').replace('velocity="3"', 'velocity="9"')
-    (tmp_path / "turret.urdf").write_text(damped.replace(inertia(0.16), inertia(0.001)))
-    scenario = {
-        "name": "n",
-        "robot": {"model": "turret.urdf", "base": "fixed"},
-        "physics": {"rate": rate},
-        "commands": {"joints": [{"at": 1.0, "position": {"pan": 1.5}}], "interpolation": "minimum_jerk"},
-        "expect": [{"effort": {"at_most": 39}}],
-        "allow": ["fixed-base"],
-        "backend": engine,
-        "time_limit": 1.2,
-        "trace": {"rate": rate},
-    }
-    run = simulated(tmp_path, scenario)
+    light, at_rate = damped.replace(inertia(0.16), inertia(0.001)), {"rate": rate}
+    keys: dict[str, Any] = {"physics": at_rate, "trace": at_rate, "time_limit": 1.2}
+    run = turned(tmp_path, engine, to(1.5, 1.0), [{"effort": {"at_most": 39}}], light, **keys)
     s = np.clip(run.trace.time, 0, 1)
     assert run.trace.joint_position[:, 0] == pytest.approx(1.5 * s**3 * (10 - 15 * s + 6 * s**2), abs=1e-4)
     assert run.verdicts[0].measured == pytest.approx(5 * 1.875 * 1.5, rel=0.01)
-
-
-TURRET = f"""<robot name="turret"><link name="base"/>
-<joint name="pan" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" effort="40" velocity="3"/></joint>
-<link name="arm"><inertial><mass value="2"/>{inertia(0.16)}</inertial></link></robot>"""
 
 
 @pytest.mark.parametrize(("physics", "rate"), [(200, 10), (240, 40), (240, 240), (1000, 10)])
@@ -150,19 +157,10 @@ def test_a_quarter_turn_needs_the_effort_and_work_of_a_closed_form(
     engine: str, physics: int, rate: int, tmp_path: Path
 ) -> None:
     """Minimum jerk: the peak acceleration is 10 / sqrt(3) of way / time^2, and the peak speed 1.875 of way / time."""
-    (tmp_path / "turret.urdf").write_text(TURRET)
     way, time, moment = np.pi / 2, 2.0, 0.16
-    scenario = {
-        "name": "n",
-        "robot": {"model": "turret.urdf", "base": "fixed"},
-        "physics": {"rate": physics},
-        "commands": {"joints": [{"at": time, "position": {"pan": way}}], "interpolation": "minimum_jerk", "rate": rate},
-        "expect": [{"effort": {"at_most": 39}}, {"energy": {"at_most": 1000}}],
-        "allow": ["fixed-base"],
-        "backend": engine,
-        "time_limit": 2.5,
-    }
-    effort, energy = simulated(tmp_path, scenario).verdicts
+    limits = [{"effort": {"at_most": 39}}, {"energy": {"at_most": 1000}}]
+    run = turned(tmp_path, engine, to(way, time, rate=rate), limits, physics={"rate": physics}, time_limit=2.5)
+    effort, energy = run.verdicts
     assert effort.measured == pytest.approx(moment * 10 / np.sqrt(3) * way / time**2, rel=0.01)
     assert energy.measured == pytest.approx(moment * (1.875 * way / time) ** 2 / 2, rel=0.01)
 
@@ -174,8 +172,8 @@ _SHARP = {"diff": {"left": ["wheel_left_joint"], "right": ["wheel_right_joint"],
 @pytest.mark.parametrize(
     ("commands", "step"),
     [
-        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "hold"}, f"position {_AT_1_S}"),
-        ({"joints": [{"at": 1.0, "position": {"pan": 0.3}}], "interpolation": "minimum_jerk"}, ""),
+        ({**to(0.3, 1.0), "interpolation": "hold"}, f"position {_AT_1_S}"),
+        (to(0.3, 1.0), ""),
         (
             {"joints": [{"at": 1.0, "velocity": {"pan": 0.3}}], "interpolation": "hold", "rate": 10},
             f"velocity {_AT_1_S}",
@@ -190,7 +188,6 @@ def test_a_step_of_a_target_is_named_where_it_may_decide(
     engine: str, commands: object, step: str, tmp_path: Path
 ) -> None:
     """A position is not decided by a step, also if its joint is named like a word of another message."""
-    (tmp_path / "turret.urdf").write_text(TURRET)
     rows = np.arange(0.0, 1.55, 0.1)
     logs = {
         "jump": [(time, 0.05 * time + 0.3 * (time > 0.95)) for time in rows],
@@ -200,25 +197,16 @@ def test_a_step_of_a_target_is_named_where_it_may_decide(
     for name, log in logs.items():
         lines = [f"{time:.3f},{position:.6f}" for time, position in log]
         (tmp_path / f"{name}.csv").write_text("\n".join(["time,position.pan", *lines]))
-    scenario = {
-        "name": "n",
-        "robot": {"model": "turret.urdf", "base": "fixed"},
-        "commands": commands,
-        "expect": [
-            {"effort": {"at_most": 39.9}},
-            {"effort": {"rms_at_most": 39}},
-            {"energy": {"at_most": 1000}},
-            {"joint_within": {"velocity": {"pan": [-50, 50]}}},
-            {"joint_within": {"position": {"pan": [-1, 1]}}},
-        ],
-        "allow": ["fixed-base"],
-        "backend": engine,
-        "duration": 1.5,
-        "time_limit": 2,
-    }
+    limits = [
+        {"effort": {"at_most": 39.9}},
+        {"effort": {"rms_at_most": 39}},
+        {"energy": {"at_most": 1000}},
+        {"joint_within": {"velocity": {"pan": [-50, 50]}}},
+        {"joint_within": {"position": {"pan": [-1, 1]}}},
+    ]
     kind, _, when = step.partition(" ")
     cause = f"of the {kind} target of 'pan' {when} adds to it"
-    verdicts = simulated(tmp_path, scenario).verdicts
+    verdicts = turned(tmp_path, engine, commands, limits, duration=1.5, time_limit=2).verdicts
     messages = [verdict.message for verdict in verdicts]
     assert [cause in message for message in messages] == [bool(step)] * 4 + [False], messages
     assert any("adds to it" in message for message in messages) is bool(step), messages
@@ -269,18 +257,10 @@ def control(observation):
 @on_every_engine
 def test_a_script_hands_over_a_motion_once(engine: str, tmp_path: Path) -> None:
     """The servo follows the cubic through its rows from one physics step to the next."""
-    (tmp_path / "turret.urdf").write_text(TURRET)
     (tmp_path / "moves.py").write_text(MOVES)
-    scenario = {
-        "name": "n",
-        "robot": {"model": "turret.urdf", "base": "fixed"},
-        "commands": {"rate": 10, "script": "moves.py"},
-        "expect": [{"joint": {"name": "pan", "near": "1 rad", "tolerance": "0.5 deg"}}],
-        "backend": engine,
-        "duration": 1.5,
-        "time_limit": 2,
-    }
-    trace = simulated(tmp_path, scenario).trace
+    limits = [{"joint": {"name": "pan", "near": "1 rad", "tolerance": "0.5 deg"}}]
+    script = {"rate": 10, "script": "moves.py"}
+    trace = turned(tmp_path, engine, script, limits, duration=1.5, time_limit=2).trace
     share = np.clip(trace.time, 0, 1)
     first, second = share / 0.5, (share - 0.5) / 0.5
     # The two cubics in terms of their points and speeds.

@@ -94,16 +94,3 @@ def test_a_body_of_the_world_is_where_it_has_come_to(engine: str, tmp_path: Path
         fallen = 9.80665 / 2 * 0.5 * (0.5 + 1 / 240) if body.mass else 0.0
         assert poses[body.name].position_xyz == pytest.approx((1, body.pose.y, 3 - fallen), abs=1e-3)
         assert poses[body.name].orientation_xyzw == pytest.approx(place.orientation_xyzw, abs=1e-9)
-
-
-def test_asking_changes_nothing(engine: str, tmp_path: Path) -> None:
-    states = []
-    for asks in (False, True):
-        with running(engine, scene_of(tmp_path, ARM, at(z=0.5))) as backend:
-            rows = []
-            for step in range(240):
-                rows.append(advance(backend, step, 1, MOVING).state)
-                if asks:
-                    _ = [(backend.link_pose(link), backend.link_twist(link)) for link in LINKS]
-            states.append(np.concatenate(rows))
-    assert np.array_equal(states[0], states[1])

@@ -70,6 +70,5 @@ def test_it_tips_over_at_the_force_of_its_weight_and_its_feet(engine: str, tmp_p
 
 @pytest.mark.parametrize("engine", installed())
 def test_its_first_scenario_passes(engine: str, tmp_path: Path) -> None:
-    text = files("", "quadruped")["simulation/keep_standing.sim.yml"]
-    verdicts = run(tmp_path, engine, text).verdicts
+    verdicts = run(tmp_path, engine, files("", "quadruped")["simulation/keep_standing.sim.yml"]).verdicts
     assert [verdict.status for verdict in verdicts] == ["passed"] * 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,26 +10,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
-from sim_action.core.workspace import Workspace
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Body, Cylinder, Physics, Sphere, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
 from tests.integration.ray_oracle import Floats, first_hits
 from tests.soak import examples
+from tests.traces import HERE
+from tests.traces import burger as burger_model
 
 pytestmark = on_every_engine
 
 # PyBullet stops its search within 1 mm of a surface.
 TOLERANCES = {"pybullet": 1e-3, "mujoco": 1e-9}
-BURGER = load_model(Robot(model="turtlebot3_burger"), Workspace(Path("/"), Path("/")))
 AWAY = Robot(model="turtlebot3_burger", pose=Placement(x=500))
 
 
 def burger(world: World, robot: Robot = AWAY) -> Scene:
-    return Scene(robot, BURGER, world, Physics(), Workspace(Path("/"), Path("/")))
+    return Scene(robot, burger_model(), world, Physics(), HERE)
 
 
 def around(generator: np.random.Generator, start: tuple[float, float, float], reach: float, count: int) -> Floats:
@@ -130,8 +128,9 @@ def test_to_look_changes_nothing(engine: str) -> None:
             backend.advance(0, [go])
             for step in range(1, 480):
                 if looks:
-                    backend.link_pose("base_scan")
-                    backend.link_pose("wheel_left_link")
+                    for link in ("base_scan", "wheel_left_link", "base_footprint"):
+                        backend.link_pose(link)
+                        backend.link_twist(link)
                     backend.cast_rays((0, 0, 0.1), around(np.random.default_rng(step), (0.0, 0.0, 0.1), 2, 20))
                 backend.advance(step, [None])
             states.append(backend.collect())

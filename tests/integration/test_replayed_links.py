@@ -10,17 +10,13 @@ import pytest
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.core.workspace import Workspace
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.scene_data import JointMotion, MeshShape, PoseNumbers
-from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
-from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, on_every_engine, running
+from tests.integration.engines import advance, on_every_engine, running, scene_of_file
 from tests.mesh_files import HALF, stl
 
 ARM = """\
@@ -60,10 +56,8 @@ LINKS = ("base", "shoulder")
 
 
 def scene(folder: Path, name: str, text: str) -> Scene:
-    (folder / name).write_text(text)
     (folder / "box.stl").write_bytes(stl())
-    robot, workspace = Robot(model=name, base="fixed"), Workspace(folder, folder)
-    return Scene(robot, load_model(robot, workspace), World(), Physics(), workspace)
+    return scene_of_file(folder, name, text, base="fixed")
 
 
 def last_poses(replay: Replay) -> dict[str, Pose]:

@@ -9,16 +9,15 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.simulation.loop import SimulationRun
+from tests.integration.engines import inertia
 from tests.simulated import simulated
 
-WHEEL: Final = """\
+WHEEL: Final = f"""\
 <robot name="wheel">
-  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
+  <link name="base"><inertial><mass value="1"/>{inertia(1)}</inertial></link>
   <joint name="axle" type="continuous"><parent link="base"/><child link="rim"/><axis xyz="0 0 1"/>
     <limit effort="2" velocity="3"/></joint>
-  <link name="rim"><inertial><mass value="1"/>
-    <inertia ixx="0.5" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="rim"><inertial><mass value="1"/>{inertia(0.5)}</inertial></link>
 </robot>
 """
 SCENARIO: Final = """\
@@ -34,9 +33,8 @@ backend: {engine}
 
 def run(folder: Path, engine: str, targets: str) -> SimulationRun:
     (folder / "wheel.urdf").write_text(WHEEL)
-    (folder / "ctl.py").write_text(
-        f"from sim_action import JointTargets\ndef control(seen): return JointTargets({targets})\n"
-    )
+    script = f"from sim_action import JointTargets\ndef control(seen): return JointTargets({targets})\n"
+    (folder / "ctl.py").write_text(script)
     return simulated(folder, SCENARIO.format(engine=engine))
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -16,16 +14,16 @@ import pytest
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES, chosen
-from sim_action.engines.engine import Engine
+from sim_action.engines import chosen
 from sim_action.robot.model.findings import ALLOWABLE
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
-from sim_action.world import GRAVITY, Physics, World
-from sim_action.world.scene import Scene
+from sim_action.state.trace import Trace
+from sim_action.world import GRAVITY
 from tests.integration.conftest import sim_action
+from tests.integration.engines import scene_of_file, travelled
 from tests.robot.reading.sdf.models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
 from tools.bench.robots import DATA
@@ -117,17 +115,9 @@ def test_a_robot_of_several_files_drives(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout
 
 
-@contextmanager
-def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Engine]:
-    written(folder / "robot.sdf", text)
-    workspace = Workspace(folder, folder)
-    backend = ENGINES[chosen("auto")].load()(
-        Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace)
-    )
-    try:
-        yield backend
-    finally:
-        backend.close()
+def moved(folder: Path, text: str, rate: float, steps: int, *targets: JointTargets, **robot: Any) -> Trace:
+    scene = scene_of_file(folder, "robot.sdf", text, rate=rate, **robot)
+    return travelled(chosen("auto"), scene, steps, *targets)
 
 
 def hanging(pose: str, hinge: str, centre: str) -> str:
@@ -156,10 +146,7 @@ def hanging(pose: str, hinge: str, centre: str) -> str:
     ],
 )
 def test_a_pendulum_swings_alike_wherever_its_frames_are(pose: str, hinge: str, centre: str, tmp_path: Path) -> None:
-    robot = Robot(model="robot.sdf", joints={"hinge": 0.1})
-    with scene(tmp_path, hanging(pose, hinge, centre), robot, 1000) as backend:
-        backend.advance(0, [None] * 4000)
-        trace = backend.collect()
+    trace = moved(tmp_path, hanging(pose, hinge, centre), 1000, 4000, joints={"hinge": 0.1})
     angle = trace.joint_position[:, 0]
     crossings = trace.time[1:][(angle[:-1] < 0) & (angle[1:] >= 0)]
     assert np.diff(crossings) == pytest.approx(2 * math.pi * math.sqrt(1 / GRAVITY) * (1 + 0.1**2 / 16), rel=0.002)
@@ -173,9 +160,8 @@ def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
         joint("up", "world", "rail"),
         joint("slide", "rail", "cart", "<axis><xyz>1 0 0</xyz></axis>", "prismatic"),
     )
-    with scene(tmp_path, text, Robot(model="robot.sdf", pose=Placement(z=1)), 240) as backend:
-        backend.advance(0, [JointTargets(velocity={"slide": 2.0}), *[None] * 239])
-        assert backend.collect().joint_position[-1, 0] == pytest.approx(2.0, rel=0.02)
+    trace = moved(tmp_path, text, 240, 240, JointTargets(velocity={"slide": 2.0}), pose=Placement(z=1))
+    assert trace.joint_position[-1, 0] == pytest.approx(2.0, rel=0.02)
 
 
 def sdf_files() -> list[str]:
@@ -183,17 +169,14 @@ def sdf_files() -> list[str]:
 
 
 def named(model: Path) -> RobotModel:
-    return load_model(
-        Robot(model=str(model), allow=ALLOWABLE), Workspace(model.parent, model.parent, allow_outside=True)
-    )
+    workspace = Workspace(model.parent, model.parent, allow_outside=True)
+    return load_model(Robot(model=str(model), allow=ALLOWABLE), workspace)
 
 
 @pytest.mark.parametrize("name", sdf_files())
 def test_a_world_is_refused_in_clear_words(name: str) -> None:
-    with pytest.raises(
-        RefusedModel,
-        match=r"sdf:[0-9]+: this SDF describes a world with the models '.*name file and robot in the section world",
-    ):
+    told = r"sdf:[0-9]+: this SDF describes a world with the models '.*name file and robot in the section world"
+    with pytest.raises(RefusedModel, match=told):
         named(DATA / name)
 
 

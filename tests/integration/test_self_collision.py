@@ -11,23 +11,19 @@ from typing import Any
 import pytest
 
 from sim_action.core.errors import BadStart, EngineError
-from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.robot.reading.loading import load_model
-from sim_action.scenario.loading import build_scene, load_scenario
-from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
-from sim_action.state.trace_records import Channels
-from sim_action.world import Physics, World
+from sim_action.world import World
 from sim_action.world.scene import Scene
-from tests.integration.engines import advance, on_every_engine, scene_of
+from tests.integration.engines import advance, inertia, on_every_engine, running, scene_of, scene_of_file
+from tests.simulated import simulated
 
 RATE = 240
 UPPER, FOREARM, BALL, TIP = 0.3, 0.25, 0.1, 0.05
-MASSES = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+MASSES = f'<inertial><mass value="1"/>{inertia(0.01)}</inertial>'
+WEIGHTLESS = World(gravity=(0.0, 0.0, 0.0))
 ARM = """
 <robot name="arm">
   <link name="base">{masses}<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
@@ -47,21 +43,13 @@ TOUCH = math.acos(((BALL + TIP) ** 2 - UPPER**2 - FOREARM**2) / (2 * UPPER * FOR
 
 
 def arm(folder: Path, *, urdf: str = ARM, joints: dict[str, float] | None = None, **robot: Any) -> Scene:
-    return scene_of(
-        folder,
-        urdf.format(masses=MASSES),
-        Robot(model="robot.urdf", base="fixed", joints={**(joints or {})}, **robot),
-        World.model_validate({"gravity": (0.0, 0.0, 0.0)}),
-    )
+    spec = Robot(model="robot.urdf", base="fixed", joints={**(joints or {})}, **robot)
+    return scene_of(folder, urdf.format(masses=MASSES), spec, WEIGHTLESS)
 
 
 def folded(engine: str, scene: Scene, targets: Sequence[JointTargets]) -> Trace:
-    pytest.importorskip(engine)
-    backend = ENGINES[engine].load()(scene, Channels(self_contacts=True))
-    try:
+    with running(engine, scene, self_contacts=True) as backend:
         return advance(backend, 0, len(targets), *targets)
-    finally:
-        backend.close()
 
 
 def slowly(end: float, seconds: float = 1.0) -> list[JointTargets]:
@@ -125,13 +113,9 @@ def test_links_that_touch_where_the_model_puts_them_are_left_out_with_a_note(
 ) -> None:
     """The forearm is drawn through the base. The hand is not, and counts."""
     scene = arm(tmp_path, urdf=deep_arm(), self_collision=collides)
-    pytest.importorskip(engine)
-    backend = ENGINES[engine].load()(scene, Channels(self_contacts=True))
-    try:
+    with running(engine, scene, self_contacts=True) as backend:
         trace = advance(backend, 0, 24)
         (note,) = backend.model_notes
-    finally:
-        backend.close()
     assert "'base' and 'forearm' (0.01 m deep)" in note
     assert trace.self_contacts == ()
     assert abs(trace.joint_velocity).max() < 0.01
@@ -139,10 +123,10 @@ def test_links_that_touch_where_the_model_puts_them_are_left_out_with_a_note(
 
 @on_every_engine
 def test_a_start_inside_itself_is_refused_where_links_collide(engine: str, tmp_path: Path) -> None:
-    pytest.importorskip(engine)
     scene = arm(tmp_path, self_collision=True, joints={"elbow": TOUCH + 0.1})
-    with pytest.raises(BadStart, match=r"links inside each other: 'base' and 'forearm' \(0\.0\d+ m deep\)"):
-        ENGINES[engine].load()(scene, Channels())
+    inside = r"links inside each other: 'base' and 'forearm' \(0\.0\d+ m deep\)"
+    with pytest.raises(BadStart, match=inside), running(engine, scene):
+        pass
     seen = folded(engine, replace(scene, robot=scene.robot.model_copy(update={"self_collision": False})), HELD)
     assert seen.self_contacts[0].time == seen.time[0]
 
@@ -152,10 +136,9 @@ HELD = [JointTargets(position={"shoulder": 0.0})] * 3
 
 @on_every_engine
 def test_a_robot_whose_links_cannot_be_judged_is_refused(engine: str, tmp_path: Path) -> None:
-    pytest.importorskip(engine)
     deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
     with pytest.raises(EngineError, match="self-collision cannot be judged: all of them touch at the model's own"):
-        ENGINES[engine].load()(arm(tmp_path, urdf=deep), Channels(self_contacts=True))
+        folded(engine, arm(tmp_path, urdf=deep), HELD)
 
 
 @pytest.mark.parametrize(
@@ -172,17 +155,14 @@ def test_geoms_of_mjcf_touch_as_their_bits_and_pairs_say(
 ) -> None:
     pytest.importorskip("mujoco")
     joint = '<joint type="hinge" axis="0 0 1" range="-170 170" name="{}"/>'
-    (tmp_path / "arm.xml").write_text(
+    text = (
         '<mujoco model="arm"><worldbody><body name="base" pos="0 0 0.1"><geom name="ball" size="0.1"/>'
         f'<body name="upper">{joint.format("shoulder")}<geom type="box" pos="0.2 0 0" size="0.05 0.01 0.01"/>'
         f'<body name="forearm" pos="0.3 0 0">{joint.format("elbow")}'
         f'<geom name="tip" size="0.05" pos="0.25 0 0" {bits}/></body></body></body></worldbody>'
         f"<contact>{contact}</contact></mujoco>"
     )
-    robot = Robot(model="arm.xml", base="fixed", self_collision=True)
-    here = Workspace(tmp_path, tmp_path)
-    world = World.model_validate({"gravity": (0.0, 0.0, 0.0)})
-    scene = Scene(robot, load_model(robot, here), world, Physics(rate=RATE), here)
+    scene = scene_of_file(tmp_path, "arm.xml", text, WEIGHTLESS, base="fixed", self_collision=True)
     if not touches:
         with pytest.raises(EngineError, match="no two links of the robot can touch"):
             folded("mujoco", scene, slowly(0.1))
@@ -194,27 +174,19 @@ def test_geoms_of_mjcf_touch_as_their_bits_and_pairs_say(
 @on_every_engine
 @pytest.mark.parametrize(("margin", "status"), [(0.01, "passed"), (-0.02, "failed")])
 def test_a_scenario_passes_and_fails_by_a_hair(engine: str, margin: float, status: str, tmp_path: Path) -> None:
-    pytest.importorskip(engine)
     (tmp_path / "arm.urdf").write_text(ARM.format(masses=MASSES))
-    (tmp_path / "a.sim.yml").write_text(
-        f"name: a\nbackend: {engine}\nrobot: {{model: arm.urdf, base: fixed}}\nworld: {{gravity: [0, 0, 0]}}\n"
-        f"commands:\n  joints: [{{at: 1 s, position: {{elbow: {TOUCH - margin}}}}}]\n  rate: 240 Hz\n"
-        "expect: [self_collision]\nduration: 1.2 s\ntime_limit: 2 s\n"
-    )
-    loaded = load_scenario(tmp_path / "a.sim.yml")
-    run = simulate(loaded.scenario, build_scene(loaded), lambda *_: None)
-    (verdict,) = run.verdicts
-    assert verdict.passed == (status == "passed")
+    points = [{"at": 1, "position": {"elbow": TOUCH - margin}}]
+    keys = {"world": {"gravity": 0}, "commands": {"joints": points, "rate": 240}, "duration": 1.2, "time_limit": 2}
+    run = simulated(tmp_path, {**SCENARIO, "backend": engine, **keys})
+    assert [verdict.status for verdict in run.verdicts] == [status]
     assert not any("pass through each other" in note for note in run.model_notes)
+
+
+SCENARIO = {"name": "a", "robot": {"model": "arm.urdf", "base": "fixed"}, "expect": ["self_collision"]}
 
 
 @on_every_engine
 def test_every_report_shows_the_pairs_that_are_left_out(engine: str, tmp_path: Path) -> None:
-    pytest.importorskip(engine)
     (tmp_path / "arm.urdf").write_text(deep_arm().format(masses=MASSES))
-    robot = "{model: arm.urdf, base: fixed}"
-    text = f"name: a\nbackend: {engine}\nrobot: {robot}\nexpect: [self_collision]\ntime_limit: 50 ms\n"
-    (tmp_path / "a.sim.yml").write_text(text)
-    loaded = load_scenario(tmp_path / "a.sim.yml")
-    run = simulate(loaded.scenario, build_scene(loaded), lambda *_: None)
+    run = simulated(tmp_path, {**SCENARIO, "backend": engine, "time_limit": 0.05})
     assert any("links that touch at the model's own position do not count" in note for note in run.model_notes)

@@ -14,35 +14,18 @@ import pytest
 from sim_action.engines import installed
 from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
+from tests.physics.robots import box_shape, collision, inertial, joint, link, robot
 
 BURGER: Final = "robot: {model: turtlebot3_burger}\n"
 WALL: Final = "world: {objects: [{name: wall, box: [0.1, 2, 0.5], pose: {x: 0.6}}]}\n"
-ARM_URDF: Final = """\
-<robot name="arm">
-  <link name="base">
-    <inertial><mass value="5"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
-    <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
-  </link>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.2 0 0"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
-    </inertial>
-    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.3 0.04 0.04"/></geometry></collision>
-  </link>
-  <link name="hand">
-    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
-    <collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision>
-  </link>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>
-    <limit lower="-1.5" upper="1.5" effort="50" velocity="3"/>
-  </joint>
-  <joint name="wrist" type="revolute">
-    <parent link="upper"/><child link="hand"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
-    <limit lower="-1.5" upper="1.5" effort="5" velocity="3"/>
-  </joint>
-</robot>
-"""
+HINGE: Final = 'lower="-1.5" upper="1.5" effort="{}" velocity="3"'
+ARM_URDF: Final = robot(
+    link("base", inertial(5.0, (0.1,) * 3) + collision(box_shape((0.2,) * 3))),
+    link("upper", inertial(1.0, (0.01,) * 3, (0.2, 0, 0)) + collision(box_shape((0.3, 0.04, 0.04)), (0.2, 0, 0))),
+    link("hand", inertial(0.2, (0.001,) * 3) + collision(box_shape((0.05,) * 3))),
+    joint("shoulder", "revolute", "base", "upper", (0, 0, 0.3), limit=HINGE.format(50)),
+    joint("wrist", "revolute", "upper", "hand", (0.4, 0, 0), axis=(1, 0, 0), limit=HINGE.format(5)),
+)
 ARM: Final = "robot: {model: arm.urdf, base: fixed, pose: {z: 0.5}}\n"
 RAISED: Final = "robot: {model: arm.urdf, base: fixed, pose: {z: 0.5}, joints: {shoulder: 0.5}}\n"
 OUT_AND_BACK: Final = "commands: {twist: [{linear: 0.5, for: 1 s}, {linear: -0.5, for: 1.5 s}, {linear: 0}]}\n"

@@ -11,18 +11,16 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.simulation.loop import SimulationRun
+from tests.integration.engines import inertia
 from tests.simulated import simulated
 
-INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-INERTIAL = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
+INERTIAL = f'<inertial><mass value="1"/>{inertia(1)}</inertial>'
 SLIDER = f"""\
 <robot name="slider">
   <link name="rail">{INERTIAL}</link>
   <link name="cart">{INERTIAL}</link>
-  <joint name="slide" type="prismatic">
-    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
-    <limit lower="-100" upper="100" effort="1000000" velocity="1000"/>
-  </joint>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-100" upper="100" effort="1000000" velocity="1000"/></joint>
 </robot>
 """
 ON_RAILS = """\
@@ -31,21 +29,16 @@ robot: {model: slider.urdf, base: fixed, pose: {z: 1}}
 trace: {rate: 240 Hz}
 expect: [{joint_within: {position: {slide: [-90 m, 90 m]}}}]
 """
-# Its velocity is -GAIN times its position: an integrator under a P controller.
-PROPORTIONAL = """\
-from sim_action import JointTargets
 
-def control(seen):
-    if seen.time < 0.05:
-        return JointTargets(velocity={"slide": 2.0})
-    return JointTargets(velocity={"slide": -GAIN * seen.joints["slide"].position})
-"""
-AHEAD = """\
-from sim_action import JointTargets
 
-def control(seen):
-    return JointTargets(velocity={"slide": 1.0 if seen.time >= 0.25 else 0.0})
-"""
+def commanding(speed: str) -> str:
+    return (
+        "from sim_action import JointTargets\n\ndef control(seen):\n"
+        f'    return JointTargets(velocity={{"slide": {speed}}})\n'
+    )
+
+
+AHEAD = commanding("1.0 if seen.time >= 0.25 else 0.0")
 
 
 def run(folder: Path, engine: str, text: str, script: str = "") -> SimulationRun:
@@ -82,7 +75,8 @@ def test_a_late_controller_swings_beyond_the_gain_that_theory_gives(
     limit = 2 * rate * math.sin(math.pi / (2 * (2 * periods + 1)))
 
     def growth(gain: float) -> float:
-        script = PROPORTIONAL.replace("GAIN", repr(gain))
+        # Its velocity is -gain times its position: an integrator under a P controller.
+        script = commanding(f'2.0 if seen.time < 0.05 else -{gain!r} * seen.joints["slide"].position')
         way = cart(tmp_path, engine, script, f", latency: {periods / rate}", end=end)
         _, second, _, last = np.split(np.abs(way[: 240 * end]), 4)
         return float(last.max() / second.max())
@@ -160,34 +154,20 @@ def test_lost_readings_reach_neither_controllers_nor_the_trace(engine: str, tmp_
 @pytest.mark.parametrize("engine", installed())
 def test_lost_commands_leave_the_last_one_in_effect(engine: str, tmp_path: Path) -> None:
     # Each command turns the wheel by its own speed, so the trace shows which ones came.
-    script = """\
-from sim_action import JointTargets
-
-def control(seen):
-    return JointTargets(velocity={"slide": round(seen.time * 20) / 20})
-"""
-    keys = ", dropouts: 0.5"
-    way = cart(tmp_path, engine, script, keys)
+    way = cart(tmp_path, engine, commanding("round(seen.time * 20) / 20"), ", dropouts: 0.5")
     speeds = np.rint(np.diff(way)[6::12] * 240 * 20).astype(int)
     held = np.maximum.accumulate(speeds)
     assert (speeds == held).all()
     lost = int((np.diff(speeds) == 0).sum())
     assert 2 <= lost <= 18
-    assert all(
-        speed in (number + 0, before)
-        for number, (speed, before) in enumerate(zip(speeds, [0, *speeds[:-1]], strict=True))
-    )
+    before = [0, *speeds[:-1]]
+    assert all(speed in (number, earlier) for number, (speed, earlier) in enumerate(zip(speeds, before, strict=True)))
 
 
 @pytest.mark.parametrize("engine", installed())
 def test_jittered_commands_take_effect_at_the_steps_of_their_draws(engine: str, tmp_path: Path) -> None:
     # The speed of each command is other than that of the one before, so the trace shows when it came.
-    script = """\
-from sim_action import JointTargets
-
-def control(seen):
-    return JointTargets(velocity={"slide": 0.1 + round(seen.time * 20) % 2})
-"""
+    script = commanding("0.1 + round(seen.time * 20) % 2")
     way = cart(tmp_path, engine, script, ", latency: 20 ms, jitter: 200 ms", end=2.0)
     random = np.random.default_rng((0, zlib.crc32(b"transmission of commands[0]")))
     delays = [math.ceil((0.02 + 0.2 * share) * 240 - 1e-6) for _, share in random.random((40, 2)).tolist()]

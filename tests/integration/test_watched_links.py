@@ -121,7 +121,6 @@ class Watched:
 
 
 def angles_of(matrix: Rows) -> dict[str, str]:
-    """Return roll, pitch and yaw of a 3 x 3 rotation."""
     found = {
         "roll": math.atan2(matrix[2, 1], matrix[2, 2]),
         "pitch": -math.asin(matrix[2, 0]),
@@ -148,22 +147,16 @@ def cases(seen: Watched) -> list[Case]:
     start, path = seen.place[0], seen.place[0] + np.array(((5.0, 0.1, 0.2), (6.0, 0.1, 0.2)))
     assert (seen.place[:, 0] < path[0, 0]).all()
     tilt = np.arccos(seen.poses[:, 2, 2])
+
+    def reaches(at: float) -> dict[str, Any]:
+        turned = {**off, "tolerance": f"{at!r} rad"}
+        return {"reach": {"x": here_x, "y": here_y, "z": here_z, "tolerance": 1e-9, "orientation": turned}}
+
+    points = [dict(zip("xyz", point.tolist(), strict=True)) for point in path]
     return [
         (lambda at: {"reach": {"x": x, "y": y, "z": z, "tolerance": at}}, seen.distance(aside).min(), 1e-9),
         (lambda at: {"reach": {"x": x, "y": y, "tolerance": at}}, np.hypot(*(seen.place - aside)[:, :2].T).min(), 1e-9),
-        (
-            lambda at: {
-                "reach": {
-                    "x": here_x,
-                    "y": here_y,
-                    "z": here_z,
-                    "tolerance": 1e-9,
-                    "orientation": {**off, "tolerance": f"{at!r} rad"},
-                }
-            },
-            off_by,
-            1e-8,
-        ),
+        (reaches, off_by, 1e-8),
         (lambda at: {"final_pose": {"x": end_x + 0.3, "z": end_z - 0.4, "tolerance": at}}, 0.5, 1e-9),
         (lambda at: {"final_pose": {"orientation": {**off_at_end, "tolerance": f"{at!r} rad"}}}, 0.5, 1e-8),
         (lambda at: {"final_pose": {"yaw": f"{heading + 0.25!r} rad", "yaw_tolerance": f"{at!r} rad"}}, 0.25, 1e-8),
@@ -173,16 +166,7 @@ def cases(seen: Watched) -> list[Case]:
         (lambda at: {"travel": {"at_most": at}}, np.hypot(*(seen.place - start)[:, :2].T).max(), 1e-9),
         (lambda at: {"path_length": {"at_most": at}}, np.linalg.norm(np.diff(seen.place, axis=0), axis=1).sum(), 1e-9),
         (lambda at: {"upright": {"max_tilt": f"{at!r} rad"}}, tilt.max(), 1e-7),
-        (
-            lambda at: {
-                "follow_path": {
-                    "path": [dict(zip("xyz", point.tolist(), strict=True)) for point in path],
-                    "max_error": at,
-                }
-            },
-            seen.distance(path[0]).max(),
-            1e-9,
-        ),
+        (lambda at: {"follow_path": {"path": points, "max_error": at}}, seen.distance(path[0]).max(), 1e-9),
     ]
 
 

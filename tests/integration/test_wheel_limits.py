@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from sim_action.engines import installed
-from sim_action.scenario.loading import build_scene
-from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.loop import SimulationRun
 from sim_action.simulation.start_checks import BOLTED
-from tests.scenarios import load
 from tests.simulated import simulated
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"
@@ -66,8 +64,5 @@ def test_a_twist_for_a_robot_that_is_bolted_down_is_noted(engine: str, tmp_path:
     (tmp_path / "robot.urdf").write_bytes((DRIVES / "rover.urdf").read_bytes())
     text = SCENARIO.format(drive=", base: fixed", linear=0.1, angular=0, engine=engine)
     text = text.replace("[{travel: {at_least: 1 mm}}]", "[upright]").replace("4 s", "0.2 s") + "allow: [fixed-base]\n"
-    loaded = load(tmp_path, text)
-    bolted = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
-    assert BOLTED in bolted.notes
-    loaded = load(tmp_path, text.replace("base: fixed", "base: free"))
-    assert BOLTED not in simulate(loaded.scenario, build_scene(loaded), lambda _: None).notes
+    assert BOLTED in simulated(tmp_path, text).notes
+    assert BOLTED not in simulated(tmp_path, text.replace("base: fixed", "base: free")).notes

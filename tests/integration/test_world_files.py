@@ -48,9 +48,7 @@ def test_a_burger_drives_into_a_wall_of_a_world_file(engine: str, y: float, tmp_
     (tmp_path / "w.world").write_text(WORLD)
     (tmp_path / "wall.obj").write_text(CUBE)
     (tmp_path / "a.sim.yml").write_text(SCENARIO.format(engine=engine, y=y))
-
     done = sim_action(tmp_path, "run", "a.sim.yml")
-
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -23,10 +23,8 @@ CUBE = one_link('<box size="0.1 0.1 0.1"/>', moment=0.002)
 
 
 def resting(engine: str, folder: Path, world: World, urdf: str, steps: int = 960, **pose: float) -> Vector3:
-    """Where a robot comes to lie."""
     scene = with_files(scene_of(folder, urdf, at(**pose), world))
-    trace = travelled(engine, scene, steps)
-    x, y, z = trace.base_position_xyz[-1].tolist()
+    x, y, z = travelled(engine, scene, steps).base_position_xyz[-1].tolist()
     return (x, y, z)
 
 
@@ -200,15 +198,12 @@ def test_a_map_is_turned_by_its_origin_and_ends_at_its_height(engine: str, tmp_p
     assert found[2] == pytest.approx(0.45, abs=2e-3)
 
 
+LEGS = [{"x": x, "y": y, "z": 0.35} for x in (-0.45, 0.45) for y in (-0.25, 0.25)]
 TABLE = {
     "name": "table",
     "shapes": (
         {"box": (1.0, 0.6, 0.04), "pose": {"z": 0.72}},
-        *(
-            {"cylinder": {"radius": 0.03, "height": 0.7}, "pose": {"x": x, "y": y, "z": 0.35}}
-            for x in (-0.45, 0.45)
-            for y in (-0.25, 0.25)
-        ),
+        *({"cylinder": {"radius": 0.03, "height": 0.7}, "pose": leg} for leg in LEGS),
     ),
 }
 

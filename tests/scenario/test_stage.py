@@ -87,7 +87,15 @@ def test_motions_that_cannot_be(points: str, problem: str, tmp_path: Path) -> No
         ("surface_velocity: {linear: 0.5}", "surface_velocity.linear: expected"),
         ("surface_velocity: {angular: 1 m/s}", "'m/s' is not a unit of angular speed"),
         ("surface_velocity: {speed: 1}", "surface_velocity.speed: unknown key"),
-        ("surface_velocity: {angular: 1}, mass: 1", "'surface_velocity' is of an object that is fixed"),
+        ("surface_velocity: {linear: 1e9}", "surface_velocity.linear"),
+        ("surface_velocity: {angular: .nan}", "surface_velocity.angular"),
+        ("surface_velocity: {}", "a surface that does not move needs no 'surface_velocity'"),
+        (
+            "surface_velocity: {angular: 1}, mass: 1",
+            "'surface_velocity' is of an object that is fixed from the start; remove 'mass'",
+        ),
+        ("surface_velocity: {angular: 1}, appears: 1 s", "remove 'appears'"),
+        ("surface_velocity: {angular: 1}, path: [{at: 0, x: 0}, {at: 1, x: 1}]", "remove 'path'"),
     ],
 )
 def test_belts_that_cannot_be(keys: str, problem: str, tmp_path: Path) -> None:
@@ -124,6 +132,7 @@ def test_a_body_appears_before_the_end(tmp_path: Path) -> None:
             "link: the robot has no link 'imu_link' with a collision shape, so nothing touches it",
         ),
         ("at: 1, adhesion: 5 kg, link: base_link", "adhesion: 'kg' is not a unit of force"),
+        ("at: 1, adhesion: -1 N, link: base_link", "adhesion: must be at least 0"),
         ("at: 1, adhesion: 5 N, body: stone", "at: body 'stone' is not there before it appears, at 3 s"),
         ("at: 1, velocity: [80, 80, 0]", "velocity: a push of 113.1 m/s is more than physics.max_speed, 100 m/s"),
         ("at: 1, velocity: [0, 0, 1e5]", "velocity.2: must be at most 10,000 m/s, found 100000.0"),
