@@ -123,10 +123,32 @@ def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subproc
     return interpreter(folder, "-m", "sim_action", *arguments, env=outside_of_github(variables))
 
 
-def interpreter(folder: Path, *arguments: str | Path, env: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
-    """Run the interpreter of the tests with these arguments."""
-    command = [sys.executable, *arguments]
+def interpreter(
+    folder: Path, *arguments: str | Path, env: Mapping[str, str], python: str = sys.executable
+) -> subprocess.CompletedProcess[str]:
+    """Run the interpreter of the tests, or another one, with these arguments."""
+    command = [python, *arguments]
     return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False, timeout=PATIENCE)
+
+
+# The command line, and then its exit code and the peak of its own memory in kB.
+_MEASURED = """
+import re, sys
+from pathlib import Path
+from sim_action.cli.main import call, leave
+code = call(sys.argv[1:])
+peak = re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1]
+Path("peak").write_text(f"{code} {peak}")
+leave(code)
+"""
+
+
+def peak_kb(folder: Path, *arguments: str) -> tuple[int, int]:
+    """The exit code of a call in an interpreter of its own, and its largest memory in kB, without its children."""
+    variables = outside_of_github({"XDG_CACHE_HOME": str(folder / "cache")})
+    interpreter(folder, "-c", _MEASURED, *arguments, env=variables)
+    code, peak = map(int, (folder / "peak").read_text().split())
+    return code, peak
 
 
 def outcomes(folder: Path) -> list[dict[str, Any]]:

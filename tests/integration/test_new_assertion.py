@@ -55,7 +55,6 @@ def ran(root: Path, *arguments: str, code: int = 0) -> str:
 
 
 @pytest.mark.soak
-@pytest.mark.process
 def test_the_page_names_every_file_that_a_new_assertion_takes(tmp_path: Path) -> None:
     root = tmp_path / "copy"
     shutil.copytree(ROOT, root, ignore=NOT_COPIED, symlinks=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from sim_action import __version__
-from tests.integration.conftest import locked
+from tests.integration.conftest import interpreter, locked
 from tests.integration.release_steps import ROOT, Machine, named_step
 
 VIEWER = "sim_action/reports/viewer/viewer3d.json"
@@ -61,7 +61,6 @@ def packages(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(packages: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files of the wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     with zipfile.ZipFile(packages / WHEEL) as archive:
         archive.extractall(folder)
@@ -135,14 +134,8 @@ def test_pytest_finds_scenarios_where_the_plugin_is_installed(packages: Path, tm
     python = str(environment / "bin/python")
     assert run(tmp_path, "init", "hello", python=python, PYTHONPATH="").returncode == 0
     (tmp_path / "pytest.ini").write_text("[pytest]\n")
-    ran = subprocess.run(
-        [python, "-m", "pytest", "-v", "-p", "no:cacheprovider", "hello"],
-        cwd=tmp_path,
-        env=without_pythonpath(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = ("-m", "pytest", "-v", "-p", "no:cacheprovider", "hello")
+    ran = interpreter(tmp_path, *words, python=python, env=without_pythonpath())
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "sim-action-" in ran.stdout
     assert "drive_straight.sim.yml::" in ran.stdout
@@ -151,12 +144,8 @@ def test_pytest_finds_scenarios_where_the_plugin_is_installed(packages: Path, tm
 def test_the_metadata_says_what_the_package_is(metadata: Message) -> None:
     assert (metadata["Name"], metadata["Version"]) == ("sim-action", __version__)
     assert (metadata["License-Expression"], metadata["Requires-Python"]) == ("Apache-2.0", ">=3.11")
-    assert {url.partition(",")[0] for url in metadata.get_all("Project-URL", [])} == {
-        "Documentation",
-        "Source",
-        "Changelog",
-        "Issues",
-    }
+    urls = {url.partition(",")[0] for url in metadata.get_all("Project-URL", [])}
+    assert urls == {"Documentation", "Source", "Changelog", "Issues"}
     assert all(" https://github.com/sim-action/sim-action" in url for url in metadata.get_all("Project-URL", []))
 
 
@@ -178,21 +167,25 @@ def run(
     folder: Path, *arguments: str, python: str = sys.executable, **variables: str
 ) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "COLUMNS": "120", **variables}
-    command = [python, "-m", "sim_action", *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return interpreter(folder, "-m", "sim_action", *arguments, python=python, env=environment)
 
 
 # As cyclonedx-py does: it writes a file to the path after `--output-file`.
 LISTING = 'while test "$1" != --output-file; do shift; done; echo "{}" > "$2"'
 
 
+def build_folders(folder: Path, temp: Path) -> None:
+    """Write a changelog, and files in place of those that the steps before have built."""
+    (folder / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
+    for name in ("dist1", "plugin1", "viewer1"):
+        (temp / name).mkdir(parents=True)
+        (temp / name / "file").write_text(name)
+
+
 def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "tools/release", tmp_path / "tools/release")
-    (tmp_path / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
+    build_folders(tmp_path, tmp_path / "temp")
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    for name in ("dist1", "plugin1", "viewer1"):
-        (tmp_path / "temp" / name).mkdir(parents=True)
-        (tmp_path / "temp" / name / "file").write_text(name)
     machine = Machine(tmp_path, version=__version__, programs={"cyclonedx-py": LISTING})
     ran = machine.run("build", "Write the text", tmp_path)
     assert ran.returncode == 0, ran.stderr
@@ -201,15 +194,9 @@ def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
     assert f'\nversion = "{__version__}"\n' in project
     assert "\ndynamic = " not in project
     summary = (machine.temp / "GITHUB_STEP_SUMMARY").read_text(encoding="utf-8")
-    assert re.findall(r"^[0-9a-f]{64}  (\S+)$", summary, re.MULTILINE) == [
-        *(
-            "dist1/file",
-            "plugin1/file",
-            "viewer1/file",
-            "release/notes.md",
-            f"release/sim-action-{__version__}.cdx.json",
-        )
-    ]
+    sums = re.findall(r"^[0-9a-f]{64}  (\S+)$", summary, re.MULTILINE)
+    release = ["release/notes.md", f"release/sim-action-{__version__}.cdx.json"]
+    assert sums == ["dist1/file", "plugin1/file", "viewer1/file", *release]
 
 
 # Installs 200 MB from the package index.
@@ -223,26 +210,19 @@ def test_an_empty_environment_installs_the_wheel_and_the_build_tools(packages: P
     ran = run(tmp_path, "run", "hello", python=python, PYTHONPATH="")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (tmp_path / "sim-results/report.html").is_file()
-
     machine = Machine(tmp_path, version=__version__)
     path = os.pathsep.join([str(tmp_path / "tools/bin"), os.environ["PATH"]])
     source = export(tmp_path / "source")
-    (source / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
-    for name in ("dist1", "plugin1", "viewer1"):
-        (machine.temp / name).mkdir(parents=True)
-        (machine.temp / name / "file").write_text(name)
+    build_folders(source, machine.temp)
     for step in ("Install the build tools", "Write the text"):
         ran = machine.run("build", step, source, PATH=path)
         assert ran.returncode == 0, ran.stderr
     listed = json.loads((machine.temp / f"release/sim-action-{__version__}.cdx.json").read_text(encoding="utf-8"))
     assert listed["bomFormat"] == "CycloneDX"
-    assert (listed["metadata"]["component"]["name"], listed["metadata"]["component"]["version"]) == (
-        "sim-action",
-        __version__,
-    )
-    locked = re.findall(
-        r"^([\w-]+)==", (ROOT / "action/locks/requirements.lock").read_text(encoding="utf-8"), re.MULTILINE
-    )
+    component = listed["metadata"]["component"]
+    assert (component["name"], component["version"]) == ("sim-action", __version__)
+    lock = (ROOT / "action/locks/requirements.lock").read_text(encoding="utf-8")
+    locked = re.findall(r"^([\w-]+)==", lock, re.MULTILINE)
     assert sorted({component["name"] for component in listed["components"]}) == sorted(set(locked))
     hashed = [reference["hashes"] for each in listed["components"] for reference in each["externalReferences"]]
     assert len(hashed) == len(listed["components"])

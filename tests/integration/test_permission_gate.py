@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -15,8 +13,8 @@ import pytest
 
 from sim_action.cli.main import call, program
 from sim_action.core.permissions import PRIVILEGED_EVENTS
+from tests.integration.conftest import interpreter
 from tests.onnx_files import linear
-from tests.patience import PATIENCE
 from tests.ros.ros1.launches import needs_ros, package
 from tests.ros.ros2.nodes import needs_ros2, variables
 from tests.ros.ros2.prefixes import source
@@ -152,17 +150,12 @@ def markers(folder: Path, printed: str = "") -> set[str]:
 def test_every_subcommand_is_called_here() -> None:
     """A new subcommand needs a line in CALLS, and, if it runs code, the options of `code_flags`."""
     assert set(CALLS) == set(program.commands)
-    gated = {
-        command.name
-        for command in program.commands.values()
-        if "allow_scripts" in {option.name for option in command.params}
-    }
-    passing = {
-        command.name
-        for command in program.commands.values()
-        if "pass_env" in {option.name for option in command.params}
-    }
-    assert gated == passing == set(GATED)
+
+    def offering(option: str) -> set[str | None]:
+        commands = program.commands.values()
+        return {command.name for command in commands if option in {parameter.name for parameter in command.params}}
+
+    assert offering("allow_scripts") == offering("pass_env") == set(GATED)
 
 
 def test_code_runs_where_it_is_allowed(
@@ -285,14 +278,6 @@ def test_no_file_is_imported_by_its_name_alone(words: list[str], tmp_path: Path)
     variables = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONSTARTUP": str(tmp_path / "startup.py")}
     if words[0] != "-P":
         (tmp_path / "sim_action").rmdir()
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=tmp_path,
-        env=variables,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = interpreter(tmp_path, *words, env=variables)
     assert done.returncode == 0, done.stdout + done.stderr
     assert markers(tmp_path) == set()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.engines import installed
-from tests.integration.conftest import fresh_sim_action, outcomes, sim_action
+from tests.integration.conftest import fresh_sim_action, outcomes, sim_action, write
 from tests.onnx_files import DOUBLE, balance, linear
 
 ROOT = Path(__file__).parents[2]
@@ -99,9 +99,7 @@ def test_the_network_of_the_example_is_made_here() -> None:
 
 
 def test_a_network_outside_of_the_workspace_is_refused(folder: Path) -> None:
-    inside = folder / "repository"
-    inside.mkdir()
-    (inside / ".git").mkdir()
+    inside = write(folder / "repository/.git/HEAD", "").parents[1]
     (inside / "link.onnx").symlink_to(folder / "pd.onnx")
     (inside / "arm.urdf").write_text((folder / "arm.urdf").read_text())
     (inside / "policy.sim.yml").write_text(SCENARIO.format(name="p", commands=POLICY.replace("pd.onnx", "link.onnx")))

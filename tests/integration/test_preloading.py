@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.integration.conftest import interpreter, outside_of_github
 
 ROOT = Path(__file__).parents[2]
 
@@ -55,15 +55,7 @@ def test_forks_import_nothing_themselves(robot: str, text: str, tmp_path: Path) 
     rover = (ROOT / "examples/drives/rover.urdf").read_text(encoding="utf-8")
     (tmp_path / "rover.urdf").write_text(rover, encoding="utf-8")
     (tmp_path / "a.sim.yml").write_text(f"name: it\nrobot: {{{robot}}}\n{text}{VARIED}", encoding="utf-8")
-    outside_of_github = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    ran = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        cwd=tmp_path,
-        env={**outside_of_github, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran = interpreter(tmp_path, "-c", PROGRAM, env=outside_of_github({}))
     told = ran.stdout + ran.stderr
     assert " passed" in told, told
     listed = (tmp_path / "imported.txt").read_text(encoding="utf-8").splitlines()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Final
@@ -15,9 +14,9 @@ from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.integration.conftest import interpreter, outside_of_github
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.integration.other_systems import System, variables_of
-from tests.patience import PATIENCE
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
@@ -100,20 +99,13 @@ def write(folder: Path, name: str, source: str, more: str = "") -> None:
 
 def environment(folder: Path) -> dict[str, str]:
     """Of a call whose processes can be told from all others; `python` is the one of these tests."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    path = os.pathsep.join((str(Path(sys.executable).parent), kept.get("PATH", "")))
-    return {**kept, "PATH": path, "PYTHONPATH": str(ROOT), "ROS_MARK": str(folder)}
+    path = os.pathsep.join((str(Path(sys.executable).parent), os.environ.get("PATH", "")))
+    return outside_of_github({"PATH": path, "ROS_MARK": str(folder)})
 
 
 def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str] | None = None) -> dict[str, Outcome]:
-    subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", paths, "--jobs", "2", "--no-report", *options],
-        cwd=folder,
-        env=variables or environment(folder),
-        capture_output=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    words = ("run", paths, "--jobs", "2", "--no-report", *options)
+    interpreter(folder, "-m", "sim_action", *words, env=variables or environment(folder))
     return {outcome.name: outcome for outcome in Results.read(folder / "sim-results/results.json").outcomes}
 
 
@@ -177,16 +169,19 @@ BAD: Final = {
         "did not answer within 1 s of wall time (answer_within)",
     ),
 }
-NEVER_READS: Final = "import time\ntime.sleep(600)\n"
-
-
-# Name -> what it does before it has answered anything, and its cause.
+# The same of what it does before it has answered anything.
 BAD_STARTS: Final = {
-    "raises": (
+    "raises at the start": (
         "import nowhere_to_be_found",
+        "script",
         "exited with code 1 before the end of the run; its last line on standard error: Modul",
     ),
-    "forks": (f"import os, time\n{LEAVE}os._exit(7)", "exited with code 7"),
+    "forks at the start": (f"import os, time\n{LEAVE}os._exit(7)", "script", "exited with code 7"),
+    "never reads": (
+        "import time\ntime.sleep(600)\n",
+        "script",
+        "did not answer within 5 s of wall time (start_within); check that it flushes its output",
+    ),
 }
 
 
@@ -213,35 +208,26 @@ def test_programs_that_misbehave_cost_their_own_scenario_and_nothing_else(tmp_pa
         write(tmp_path, name, f"process: python {name}.py")
     for name, (body, _, _) in BAD.items():
         write_bad(tmp_path, name, HEAD + body + "\n")
-    write_bad(tmp_path, "never reads", NEVER_READS)
-    for name, (text, _) in BAD_STARTS.items():
-        write_bad(tmp_path, f"{name} at the start", text)
+    for name, (text, _, _) in BAD_STARTS.items():
+        write_bad(tmp_path, name, text)
     outcomes = run(tmp_path)
     # Asked at once: the call itself must have waited for all of them.
     assert processes_of(tmp_path) == []
     passed = {"0 good", "z good", "leaves", "stays"}
-    assert outcomes.keys() == passed | {*BAD, "never reads", *(f"{name} at the start" for name in BAD_STARTS)}
+    assert outcomes.keys() == passed | {*BAD, *BAD_STARTS}
     assert {name for name, outcome in outcomes.items() if outcome.status == "passed"} == passed
     assert any("that its script left behind" in note for note in outcomes["leaves"].notes)
-    for name, (_, kind, cause) in BAD.items():
+    for name, (_, kind, cause) in {**BAD, **BAD_STARTS}.items():
         (failure,) = outcomes[name].failures
         assert (name, failure.kind) == (name, kind), failure
         assert cause in failure.message
         if kind == "script":
-            assert failure.message.startswith("at 0.1 s of sim time, the process")
+            assert failure.message.startswith("at 0.1 s of sim time, the process" if name in BAD else "the process")
             assert failure.location == Location(f"{name}.sim.yml", 4, 12)
-    (failure,) = outcomes["never reads"].failures
-    assert failure.message.startswith("the process")
-    assert failure.location == Location("never reads.sim.yml", 4, 12)
-    assert "did not answer within 5 s of wall time (start_within); check that it flushes its output" in failure.message
     assert "KeyError: 'speed'" in outcomes["raises"].failures[0].details
     assert outcomes["raises"].output.startswith("hm\n")
     assert len(outcomes["a gigabyte on stderr"].output) < 100_000
     assert outcomes["leaves children"].status == "error"
-    for name, (_, cause) in BAD_STARTS.items():
-        (failure,) = outcomes[f"{name} at the start"].failures
-        assert (name, failure.kind) == (name, "script"), failure
-        assert cause in failure.message
 
 
 SEEN: Final = """\

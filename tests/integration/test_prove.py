@@ -80,7 +80,7 @@ def test_planted_scenarios_are_judged_right_and_suggestions_notice_what_they_are
     assert capsys.readouterr().out.count("checks nothing here") == 1
     jsonschema.validate(found, proof_schema())
     blind = {
-        scenario["name"]: [each["assertion"] for each in scenario["expectations"] if each["finding"] != "notices"]
+        scenario["name"]: [claim["assertion"] for claim in scenario["expectations"] if claim["finding"] != "notices"]
         for scenario in found["scenarios"]
     }
     assert blind == {"useless": [NAMED[useless]], "useful": []}
@@ -139,9 +139,8 @@ def test_a_failure_does_not_hide_what_other_expectations_notice(tmp_path: Path) 
 
 def test_an_expectation_that_is_blind_to_directions_misses_an_inverted_axis(tmp_path: Path) -> None:
     """Each expectation notices something, and together they miss that the robot drives the other way."""
-    text = (
-        STRAIGHT + "duration: 6 s\nexpect: [{travel: {at_least: 95 cm, at_most: 105 cm}}, {max_speed: {linear: 0.22}}]"
-    )
+    claims = "{travel: {at_least: 95 cm, at_most: 105 cm}}, {max_speed: {linear: 0.22}}"
+    text = f"{STRAIGHT}duration: 6 s\nexpect: [{claims}]"
     only = "silenced,reversed,turned,scaled,slippery,delayed"
     (scenario,) = proof(written(tmp_path, "blind", text), "--only", only)["scenarios"]
     results = {mutant["name"]: mutant["status"] for mutant in scenario["mutants"]}

@@ -17,6 +17,7 @@ from sim_action.cli.main import call
 from sim_action.core.errors import ExitCode
 from sim_action.recording.export import EXPORTS
 from sim_action.recording.export.csv_tum import CsvTable
+from sim_action.recording.replay.replay_data import read_replay
 from sim_action.state.trace_storage import load_trace
 from tests.recording.export.logs import read_file
 
@@ -58,6 +59,11 @@ def outcome() -> dict[str, Any]:
     return dict(found)
 
 
+def last_moment(replay: str) -> float:
+    frames = read_replay(Path("sim-results") / replay).frames
+    return float(frames.time.decoded(frames.count)[-1])
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -77,7 +83,9 @@ def test_all_formats_tell_of_the_same_run(engine: str, folder: Path) -> None:
     files = {name: folder / f"sim-results/recordings/drives-at-a-wall.{name}" for name in EXPORTS}
     trace = load_trace(folder / "sim-results" / stored["trace"])
     assert not trace.contacts, "nobody asked for them"
-
+    assert stored["replay"] == "replays/drives-at-a-wall.json.gz"
+    assert read_replay(folder / "sim-results" / stored["replay"]).scene.robot == "turtlebot3_burger"
+    assert last_moment(stored["replay"]) == stored["sim_time"]
     way = np.loadtxt(files["tum"])
     assert len(way) == 61
     assert way[-1, :4].tolist() == pytest.approx([2.0, *trace.base_position_xyz[-1]], abs=1e-6)
@@ -86,7 +94,6 @@ def test_all_formats_tell_of_the_same_run(engine: str, folder: Path) -> None:
     assert table["z of ball [m]"][0] > 0.9
     assert table["z of ball [m]"][-1] == pytest.approx(0.1, abs=0.02)
     assert table["y of cart [m]"][-1] == pytest.approx(3.0, abs=0.01)
-
     log = read_file(files["mcap"])
     odometry = [told.message.pose.pose.position.x for told in log["/odom"]]
     np.testing.assert_allclose(odometry, way[:, 1], atol=1e-9)
@@ -99,7 +106,6 @@ def test_all_formats_tell_of_the_same_run(engine: str, folder: Path) -> None:
     moved = {transform.child_frame_id for transform in log["/tf"][0].message.transforms}
     assert {"base_footprint", "ball", "cart", "wheel_left_link"} <= moved
     assert "wall" in {transform.child_frame_id for transform in log["/tf_static"][0].message.transforms}
-
     with Image.open(files["gif"]) as image:
         assert getattr(image, "n_frames", 1) == 21
     container: Any = av.open(files["mp4"])
@@ -123,6 +129,8 @@ time_limit: 1 s
 def test_wrenches_are_recorded_in_the_frame_of_their_link(folder: Path) -> None:
     (folder / "a.sim.yml").write_text(WRENCHES)
     assert call(["run", "--quiet", "--no-report", "--record", "mcap", "a.sim.yml"]) == ExitCode.PASSED
+    assert outcome()["replay"] is None
+    assert not (folder / "sim-results/replays").exists()
     log = read_file(folder / "sim-results/recordings/pushes.mcap")
     told = [(each.time, each.message) for each in log["/wrench/base_scan"]]
     assert {message.header.frame_id for _, message in told} == {"base_scan"}
@@ -137,14 +145,20 @@ def test_wrenches_are_recorded_in_the_frame_of_their_link(folder: Path) -> None:
     assert [each.message.wrench.force.z for each in log["/wrench/base_footprint"]][-1] == 1.0
 
 
-def test_a_run_without_a_verdict_leaves_what_there_is_of_it(folder: Path) -> None:
+def test_a_run_without_a_verdict_leaves_what_there_is_of_it_and_nothing_of_an_earlier_run(folder: Path) -> None:
     (folder / "a.sim.yml").write_text(FAILING)
     (folder / "breaks.py").write_text(SCRIPT)
     assert call(["run", "--quiet", "--record", "csv,mcap", "a.sim.yml"]) == ExitCode.FAILED
-    assert outcome()["recordings"] == ["recordings/breaks-off.csv", "recordings/breaks-off.mcap"]
+    stored = outcome()
+    assert (stored["status"], stored["trace"]) == ("error", "traces/breaks-off.npz")
+    assert stored["recordings"] == ["recordings/breaks-off.csv", "recordings/breaks-off.mcap"]
+    assert last_moment(stored["replay"]) == pytest.approx(1.1, abs=0.1)
     log = read_file(folder / "sim-results/recordings/breaks-off.mcap")
     assert log["/clock"][-1].time == pytest.approx(1.1e9, abs=0.05e9)
     assert len(log["/cmd_vel"]) == 11
+    (folder / "breaks.py").write_text("import os\n\ndef control(observation):\n    os._exit(7)\n")
+    assert call(["run", "--quiet", "a.sim.yml"]) == ExitCode.FAILED
+    assert (outcome()["trace"], outcome()["replay"]) == (None, None)
 
 
 def _forever(_run: object, _file: object) -> None:

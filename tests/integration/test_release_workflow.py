@@ -69,25 +69,22 @@ def test_the_version_is_checked_before_anything_else(machine: Machine) -> None:
 
 
 @pytest.mark.parametrize(
-    ("printed", "code", "message"),
+    ("program", "code", "message"),
     [
-        ("success", 0, ""),
-        ("failure", 1, "::error::CI has not passed for c0ffee (failure): "),
-        ("", 1, "::error::CI has not passed for c0ffee (no result yet): "),
+        ("echo success", 0, ""),
+        ("echo failure", 1, "::error::CI has not passed for c0ffee (failure): "),
+        ("echo", 1, "::error::CI has not passed for c0ffee (no result yet): "),
+        ("exit 4", 4, ""),
     ],
+    ids=["passed", "failed", "no result", "no answer"],
 )
-def test_a_commit_without_a_pass_of_ci_is_refused(tmp_path: Path, printed: str, code: int, message: str) -> None:
-    machine = Machine(tmp_path, programs={"gh": f"echo '{printed}'"})
+def test_a_commit_without_a_pass_of_ci_is_refused(tmp_path: Path, program: str, code: int, message: str) -> None:
+    machine = Machine(tmp_path, programs={"gh": program})
     ran = machine.run("check", "Check that CI", tmp_path)
     assert ran.returncode == code
     assert ran.stdout.startswith(message)
     (call,) = machine.called("gh")
     assert call.startswith("run list --repo octocat/robots --workflow ci.yml --event push --commit c0ffee --limit 1 ")
-
-
-def test_a_commit_is_refused_if_github_does_not_answer(tmp_path: Path) -> None:
-    machine = Machine(tmp_path, programs={"gh": "exit 4"})
-    assert machine.run("check", "Check that CI", tmp_path).returncode == 4
 
 
 def test_the_tag_is_main_with_the_viewer_and_the_same_commit_when_repeated(machine: Machine) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any
 
 import pytest
 
-from sim_action.results.outcome import Outcome
+from sim_action.engines import installed
 from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
 from tests.soak import soaked
@@ -67,15 +68,13 @@ STEADY = controller(
 """The seed's own numbers, and orders that do not depend on hashes."""
 
 
-def ran(folder: Path, script: str, *arguments: str, scenario: str = SCENARIO) -> subprocess.CompletedProcess[str]:
+def ran(
+    folder: Path, script: str, *arguments: str, scenario: str = SCENARIO
+) -> tuple[CompletedProcess[str], list[Any]]:
     (folder / "controller.py").write_text(script)
     (folder / "s.sim.yml").write_text(scenario)
-    return sim_action(folder, "run", "s.sim.yml", "--junit-strict", *arguments)
-
-
-def outcome(folder: Path) -> Outcome:
-    [only] = Results.read(folder / "sim-results/results.json").outcomes
-    return only
+    call = sim_action(folder, "run", ".", "--junit-strict", *arguments)
+    return call, list(Results.read(folder / "sim-results/results.json").outcomes)
 
 
 # Sets of few words come twice by chance.
@@ -85,63 +84,50 @@ SHORT = [(cause, 2) for cause in ("hashes", "a file of an earlier run")]
 
 @pytest.mark.parametrize(("cause", "times"), soaked([*TIMES, *((cause, 10) for cause in FLAKY)], short=SHORT))
 def test_what_differs_from_run_to_run_is_flaky(cause: str, times: int, tmp_path: Path) -> None:
-    found = ran(tmp_path, FLAKY[cause], "--repeat", f"{times}")
-    assert found.returncode == 1, found.stdout + found.stderr
-    told = outcome(tmp_path)
-    assert told.status == "flaky"
-    assert told.repeats
-    assert (told.repeats.count, told.expectations) == (times, ())
-    assert told.repeats.agreed < times
-    assert told.repeats.digests > 1
-    [failure] = told.failures
+    call, (outcome,) = ran(tmp_path, FLAKY[cause], "--repeat", f"{times}")
+    assert call.returncode == 1, call.stdout + call.stderr
+    assert (outcome.status, outcome.repeats.count, outcome.expectations) == ("flaky", times, ())
+    assert outcome.repeats.agreed < times
+    assert outcome.repeats.digests > 1
+    [failure] = outcome.failures
     assert failure.kind == "flaky"
     assert re.search(r"run \d differs from run \d at 0\.\d+ s, in \S+ of \S+: \S+ and not \S+; ", failure.message)
     assert "wall clock" in failure.message
-    assert "1 flaky" in found.stdout
-    assert re.search(rf"\d of {times} runs identical|{times} runs, all different", found.stdout)
+    assert "1 flaky" in call.stdout
+    assert re.search(rf"\d of {times} runs identical|{times} runs, all different", call.stdout)
 
 
 @pytest.mark.parametrize("times", soaked([2, 10], short=[2]))
 def test_what_is_the_same_every_time_passes(times: int, tmp_path: Path) -> None:
-    found = ran(tmp_path, STEADY, "--repeat", f"{times}")
-    assert found.returncode == 0, found.stdout + found.stderr
-    told = outcome(tmp_path)
-    assert told.repeats
-    assert (told.status, told.repeats.count, told.repeats.agreed, told.repeats.digests) == ("passed", times, times, 1)
-    assert f"{times} identical runs" in found.stdout
-    assert told.provenance
-    assert told.provenance.cpu
-    assert told.provenance.engine_build
-    assert (told.seed, len(told.digest or "")) == (0, 64)
+    call, (outcome,) = ran(tmp_path, STEADY, "--repeat", f"{times}")
+    assert call.returncode == 0, call.stdout + call.stderr
+    repeats = outcome.repeats
+    assert (outcome.status, repeats.count, repeats.agreed, repeats.digests) == ("passed", times, times, 1)
+    assert f"{times} identical runs" in call.stdout
+    assert outcome.provenance.cpu
+    assert outcome.provenance.engine_build
+    assert (outcome.seed, len(outcome.digest)) == (0, 64)
     assert [path.name for path in (tmp_path / "sim-results/traces").iterdir()] == ["burger-wanders.npz"]
 
 
 def test_one_run_has_the_order_of_sets_that_it_always_had(tmp_path: Path) -> None:
-    digests = set()
-    for arguments in ((), ("--repeat", "1")):
-        assert ran(tmp_path, FLAKY["order of a set"], *arguments).returncode == 0
-        digests.add(outcome(tmp_path).digest)
-        assert outcome(tmp_path).repeats is None
-    assert len(digests) == 1
+    runs = [ran(tmp_path, FLAKY["order of a set"], *arguments) for arguments in ((), ("--repeat", "1"))]
+    assert [(call.returncode, outcome.repeats) for call, (outcome,) in runs] == [(0, None)] * 2
+    assert len({outcome.digest for _, (outcome,) in runs}) == 1
 
 
 def test_a_scenario_without_code_is_the_same_in_fresh_interpreters_and_in_a_fork(tmp_path: Path) -> None:
     text = SCENARIO.replace("script: controller.py", "twist: [{linear: 0.3, angular: 0.5}]")
-    assert ran(tmp_path, "", "--repeat", "2", scenario=text).returncode == 0
-    repeated = outcome(tmp_path)
-    assert ran(tmp_path, "", scenario=text).returncode == 0
-    assert repeated.digest == outcome(tmp_path).digest
+    runs = [ran(tmp_path, "", *arguments, scenario=text) for arguments in ((), ("--repeat", "2"))]
+    assert [call.returncode for call, _ in runs] == [0, 0]
+    assert len({outcome.digest for _, (outcome,) in runs}) == 1
 
 
 def test_runs_that_fail_alike_have_failed(tmp_path: Path) -> None:
     text = SCENARIO.replace("[-10, 10]", "[-10, 1 mm]")
-    found = ran(tmp_path, controller("return 0.5"), "--repeat", "2", scenario=text)
-    assert found.returncode == 1
-    told = outcome(tmp_path)
-    assert (told.status, told.failures) == ("failed", ())
-    assert told.repeats
-    assert told.repeats.agreed == 2
-    assert "2 identical runs" in found.stdout
+    call, (outcome,) = ran(tmp_path, controller("return 0.5"), "--repeat", "2", scenario=text)
+    assert (call.returncode, outcome.status, outcome.failures, outcome.repeats.agreed) == (1, "failed", (), 2)
+    assert "2 identical runs" in call.stdout
 
 
 def test_judgements_that_differ_of_the_same_run_are_flaky(tmp_path: Path) -> None:
@@ -150,31 +136,25 @@ def test_judgements_that_differ_of_the_same_run_are_flaky(tmp_path: Path) -> Non
         "        return Verdict(True, measured=float(hash('north') % 1000))\n"
     )
     text = SCENARIO.replace("stay_within: {x: [-10, 10]}", "assertion: judge.py:Judge")
-    found = ran(tmp_path, controller("return 0.1"), "--repeat", "2", scenario=text)
-    told = outcome(tmp_path)
-    assert (found.returncode, told.status) == (1, "flaky"), found.stdout
-    assert "the robot moved identically, but 'assertion Judge' judged it differently" in told.failures[0].message
-    assert re.search(r"run 1 passed: holds \(measured \d+\.0\), run 2 passed", told.failures[0].message)
-    assert told.repeats
-    assert told.repeats.digests == 1
+    call, (outcome,) = ran(tmp_path, controller("return 0.1"), "--repeat", "2", scenario=text)
+    assert (call.returncode, outcome.status, outcome.repeats.digests) == (1, "flaky", 1), call.stdout
+    message = outcome.failures[0].message
+    assert "the robot moved identically, but 'assertion Judge' judged it differently" in message
+    assert re.search(r"run 1 passed: holds \(measured \d+\.0\), run 2 passed", message)
 
 
 def test_variations_and_engines_are_each_repeated(tmp_path: Path) -> None:
     text = SCENARIO + "variations: {world.ground.friction: [0.5]}\n"
-    found = ran(tmp_path, controller("return 0.2"), "--repeat", "2", "--backend", "all", scenario=text)
-    assert found.returncode == 0, found.stdout + found.stderr
-    told = Results.read(tmp_path / "sim-results/results.json").outcomes
-    assert [one.repeats.count if one.repeats else 0 for one in told] == [2] * len(told)
-    assert len(told) >= 2
-    assert len(list((tmp_path / "sim-results/traces").iterdir())) == len(told)
+    call, outcomes = ran(tmp_path, controller("return 0.2"), "--repeat", "2", "--backend", "all", scenario=text)
+    assert call.returncode == 0, call.stdout + call.stderr
+    assert [outcome.repeats.count for outcome in outcomes] == [2] * len(installed())
+    assert len(list((tmp_path / "sim-results/traces").iterdir())) == len(outcomes)
 
 
 def test_fail_fast_leaves_no_scenario_green_that_was_not_run_as_often(tmp_path: Path) -> None:
-    (tmp_path / "controller.py").write_text(controller("return 0.5"))
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    (tmp_path / "b.sim.yml").write_text(SCENARIO.replace("[-10, 10]", "[-10, 1 mm]"))
-    found = sim_action(tmp_path, "run", ".", "--repeat", "3", "--fail-fast", "--jobs", "1")
-    assert found.returncode == 1
-    told = Results.read(tmp_path / "sim-results/results.json").outcomes
-    assert [one.status for one in told] == ["skipped", "failed"]
-    assert told[0].notes == ("run 1 of 3 times: another scenario did not pass (--fail-fast)",)
+    fails = SCENARIO.replace("[-10, 10]", "[-10, 1 mm]")
+    words = ("--repeat", "3", "--fail-fast", "--jobs", "1")
+    call, outcomes = ran(tmp_path, controller("return 0.5"), *words, scenario=fails)
+    assert (call.returncode, [outcome.status for outcome in outcomes]) == (1, ["skipped", "failed"])
+    assert outcomes[0].notes == ("run 1 of 3 times: another scenario did not pass (--fail-fast)",)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import struct
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -17,22 +14,11 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.patience import PATIENCE
+from tests.integration.conftest import peak_kb
 from tests.soak import soaked
 
-ROOT: Final = Path(__file__).parents[2]
 MOST_MEGABYTES: Final = 190
 """Of the caller, at its peak: 55 MB are its own, the largest of these files, of 107 MB, may be in memory once."""
-
-# The command line, and then its caller's own peak of memory in kB.
-CALLER: Final = """
-import re, sys
-from pathlib import Path
-from sim_action.cli.main import call, leave
-code = call(sys.argv[1:])
-Path("peak").write_text(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
-leave(code)
-"""
 
 SCENARIO: Final = """\
 name: {name}
@@ -157,16 +143,8 @@ def run_suite(folder: Path, suite: Mapping[str, Files]) -> tuple[dict[str, Outco
             (folder / name / file).write_bytes(data)
         (folder / name / "a.sim.yml").write_text(SCENARIO.format(name=f'"{name}"', model="robot.urdf"))
     (folder / "z.sim.yml").write_text(SCENARIO.format(name="honest", model="turtlebot3_burger"))
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    subprocess.run(
-        [sys.executable, "-c", CALLER, "run", ".", "--jobs", "2"],
-        cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder / "cache")},
-        capture_output=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert int((folder / "peak").read_text()) / 1024 < MOST_MEGABYTES
+    _, peak = peak_kb(folder, "run", ".", "--jobs", "2")
+    assert peak / 1024 < MOST_MEGABYTES
     outcomes = Results.read(folder / "sim-results/results.json").outcomes
     return {outcome.name: outcome for outcome in outcomes}, folder / "sim-results/junit.xml"
 

@@ -46,33 +46,22 @@ def control(observation):
     return Twist.planar(1.0, 0.0)
 """
 JOURNAL = Path("sim-results/results.jsonl")
-RESULTS = Path("sim-results/results.json")
-
-
-def command(folder: Path, *arguments: str, **variables: str) -> tuple[list[str], dict[str, Any]]:
-    environment = outside_of_github({"PYTHONDONTWRITEBYTECODE": "1", **variables})
-    words = [sys.executable, "-P", "-m", "sim_action", "run", *arguments]
-    return words, {
-        "cwd": folder,
-        "env": environment,
-        "stdout": subprocess.PIPE,
-        "stderr": subprocess.STDOUT,
-        "text": True,
-    }
+# As a killed call has it: a verdict is taken over only if the variables of Python are the same.
+VARIABLES = {"PYTHONDONTWRITEBYTECODE": "1"}
 
 
 def run(folder: Path, *arguments: str, **variables: str) -> str:
     """A whole call: what it prints."""
-    # As a killed call has it: a verdict is taken over only if the variables of Python are the same.
-    found = sim_action(folder, "run", *arguments, **{"PYTHONDONTWRITEBYTECODE": "1", **variables})
+    found = sim_action(folder, "run", *arguments, **{**VARIABLES, **variables})
     assert found.returncode in (0, 1), found.stdout + found.stderr
     return found.stdout + found.stderr
 
 
 def killed(folder: Path, finished: int, *arguments: str) -> None:
     """A call that is killed once its journal has so many verdicts, or at its end."""
-    words, options = command(folder, *arguments)
-    with subprocess.Popen(words, **options) as process:
+    command = [sys.executable, "-P", "-m", "sim_action", "run", *arguments]
+    streams: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, cwd=folder, env=outside_of_github(VARIABLES), **streams) as process:
         while process.poll() is None and verdicts(folder) < finished:
             time.sleep(0.005)
         process.send_signal(signal.SIGKILL)
@@ -106,7 +95,7 @@ def without_times(data: Any) -> Any:
 
 
 def results(folder: Path) -> Any:
-    return without_times(json.loads((folder / RESULTS).read_text(encoding="utf-8")))
+    return without_times(json.loads((folder / "sim-results/results.json").read_text(encoding="utf-8")))
 
 
 def different(found: Any, expected: Any) -> dict[str, list[tuple[Any, Any]]]:
@@ -124,21 +113,25 @@ def files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in (folder / "sim-results").rglob("*") if path.is_file()}
 
 
+def git(folder: Path, *words: str) -> None:
+    subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True)
+
+
 def suite(folder: Path, **commands: str) -> Path:
     """A repository with a scenario for each command source. It ignores all files: only those that they name count."""
     folder.mkdir(exist_ok=True)
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+    git(folder, "init", "-q")
     (folder / ".git/info/exclude").write_text("*")
-    for name, each in commands.items():
-        (folder / f"{name}.sim.yml").write_text(ONE.format(name=name, commands=each), encoding="utf-8")
+    for name, source in commands.items():
+        (folder / f"{name}.sim.yml").write_text(ONE.format(name=name, commands=source), encoding="utf-8")
     return folder
 
 
 def repository(folder: Path, files: Mapping[str, str]) -> Path:
     for name, text in {".gitignore": "ignored*\n", **files}.items():
         (folder / name).write_text(text, encoding="utf-8")
-    for words in (("init", "-q"), ("add", ".")):
-        subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True)
+    git(folder, "init", "-q")
+    git(folder, "add", ".")
     return folder
 
 
@@ -172,29 +165,20 @@ def test_a_sweep_that_is_killed_and_resumed_gives_the_same_results(
     assert f"{len(taken_over(folder))} of {count} scenarios taken over from the earlier run" in printed
 
 
-def test_everything_is_taken_over_if_nothing_has_changed(tmp_path: Path) -> None:
+def test_everything_is_taken_over_but_what_a_change_may_concern(tmp_path: Path) -> None:
     folder = suite(tmp_path, a=TWIST, b=TWIST)
     run(folder)
     before, traces = results(folder), {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
     assert "2 of 2 scenarios taken over from the earlier run" in run(folder, "--resume")
     assert results(folder) == before
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")} == traces
-    assert "taken over" not in run(folder)
-
-
-def test_a_change_runs_what_it_may_concern(tmp_path: Path) -> None:
-    folder = suite(tmp_path, a=TWIST, b=TWIST)
-    run(folder)
     suite(tmp_path, b="twist: [{linear: 0.5}]")
     run(folder, "--resume")
     assert taken_over(folder) == ["a"]
     assert "no verdict of the earlier run is taken over" in run(folder, "--resume", "--seed", "7")
     assert "2 of 2 scenarios" in run(folder, "--resume", SIM_ACTION_SEED="7")
-
-
-def test_files_of_the_earlier_run_that_nobody_needs_are_removed(tmp_path: Path) -> None:
-    folder = suite(tmp_path, a=TWIST, b=TWIST)
-    run(folder)
+    assert "taken over" not in run(folder)
+    # Files that nobody needs are removed.
     (folder / "b.sim.yml").unlink()
     run(folder, "--resume", "--no-report")
     left = (".gitignore", "results.json", "results.jsonl", "junit.xml", "traces/a.npz")
@@ -212,32 +196,23 @@ def fill_with_garbage(journal: Path) -> None:
     journal.write_bytes(header + b"\xff\n[]\n{}\n" + b"[" * 10_000 + b"\n" + b"".join(lines))
 
 
-def forge(journal: Path) -> None:
-    """A pass with an expectation that failed."""
-    journal.write_bytes(journal.read_bytes().replace(b'"passed":true', b'"passed":false'))
-
-
-def remove_trace(journal: Path) -> None:
-    (journal.parent / "traces/a.npz").unlink()
-
-
 def link_trace(journal: Path) -> None:
     trace = journal.parent / "traces/a.npz"
     trace.rename(journal.parent / "a.npz")
     trace.symlink_to(journal.parent / "a.npz")
 
 
-def remove_replay(journal: Path) -> None:
-    (journal.parent / "replays/a.json.gz").unlink()
-
-
-def remove_journal(journal: Path) -> None:
-    journal.unlink()
-
-
-def link_journal(journal: Path) -> None:
-    journal.rename(journal.parent.parent / "elsewhere.jsonl")
-    journal.symlink_to(journal.parent.parent / "elsewhere.jsonl")
+# What is done to a journal and to what lies beside it -> the verdicts that are taken over all the same.
+DAMAGES: dict[str, tuple[Callable[[Path], object], list[str]]] = {
+    "cut": (cut, ["a"]),
+    "garbage": (fill_with_garbage, ["a", "b"]),
+    # A pass with an expectation that failed.
+    "forged": (lambda path: path.write_bytes(path.read_bytes().replace(b'"passed":true', b'"passed":false')), []),
+    "no trace": (lambda path: (path.parent / "traces/a.npz").unlink(), ["b"]),
+    "a linked trace": (link_trace, ["b"]),
+    "no replay": (lambda path: (path.parent / "replays/a.json.gz").unlink(), ["b"]),
+    "no journal": (Path.unlink, []),
+}
 
 
 @pytest.fixture(scope="module")
@@ -248,26 +223,13 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder, shutil.copytree(folder / "sim-results", kept / "sim-results")
 
 
-@pytest.mark.parametrize(
-    ("damage", "left"),
-    [
-        (cut, ["a"]),
-        (fill_with_garbage, ["a", "b"]),
-        (forge, []),
-        (remove_trace, ["b"]),
-        (link_trace, ["b"]),
-        (remove_replay, ["b"]),
-        (remove_journal, []),
-    ],
-)
-def test_only_valid_verdicts_are_taken_over(
-    earlier: tuple[Path, Path], damage: Callable[[Path], None], left: list[str]
-) -> None:
-    folder, kept = earlier
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_only_valid_verdicts_are_taken_over(earlier: tuple[Path, Path], damage: str) -> None:
+    (folder, kept), (act, left) = earlier, DAMAGES[damage]
     shutil.rmtree(folder / "sim-results")
     shutil.copytree(kept, folder / "sim-results")
     before = results(folder)
-    damage(folder / JOURNAL)
+    act(folder / JOURNAL)
     printed = run(folder, "--resume")
     assert taken_over(folder) == left
     assert f"{len(left)} of 2 scenarios taken over" in printed
@@ -279,8 +241,8 @@ def test_a_journal_that_is_a_link_is_refused_and_not_taken_over(tmp_path: Path) 
     folder = suite(tmp_path, a=TWIST)
     run(folder, "-j1")
     before = results(folder)
-    link_journal(folder / JOURNAL)
-    elsewhere = (folder / JOURNAL).readlink()
+    elsewhere = (folder / JOURNAL).rename(folder / "elsewhere.jsonl")
+    (folder / JOURNAL).symlink_to(elsewhere)
     text = elsewhere.read_bytes()
     found = sim_action(folder, "run", "--resume")
     assert found.returncode == 2
@@ -348,17 +310,14 @@ def test_code_that_may_read_anything_runs_again(tmp_path: Path) -> None:
     run(folder, "--resume")
     assert taken_over(folder) == sorted(READERS)
     assert results(folder) == before
+    # A new file: a call waits if a folder has just been changed, and not if a file has that no scenario names.
+    (folder / "data.txt").unlink()
     (folder / "data.txt").write_text("2")
     # No verdict of the others was taken over before.
     printed = run(folder, "--resume", *(f"--only={name}" for name in READERS))
     assert len(records(folder)) == len(READERS)
     assert taken_over(folder) == []
     assert "no verdict of the earlier run is taken over" in printed
-
-
-def git(folder: Path, *words: str) -> None:
-    identity = ("-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always")
-    subprocess.run(["git", *identity, *words], cwd=folder, check=True, capture_output=True)
 
 
 def forged(folder: Path, *, resealed: bool = False) -> None:
@@ -397,8 +356,8 @@ def test_a_journal_of_the_checkout_is_not_believed(tmp_path: Path) -> None:
     suite(tmp_path / "sim", a=STANDS)
     shutil.rmtree(tmp_path / "sim/.git")
     forged(tmp_path, resealed=True)
-    for words in (("init", "-q"), ("add", "-Af")):
-        git(tmp_path, *words)
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "add", "-Af")
     printed = sim_action(tmp_path, "run", "sim", "--no-report", "--resume", **OF_JOB, GITHUB_WORKSPACE=str(tmp_path))
     assert printed.returncode == 1, printed.stdout + printed.stderr
     assert "0 of 1 scenario taken over" in printed.stdout + printed.stderr

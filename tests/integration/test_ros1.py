@@ -48,17 +48,14 @@ def example(folder: Path, name: str, workspace: Path = EXAMPLES) -> Findings:
 
 
 def rostest(folder: Path, workspace: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """As it is typed in an empty folder."""
     return sim_action(folder, "rostest", "--workspace", str(workspace), *words)
 
 
 def outcomes(folder: Path) -> tuple[Outcome, ...]:
-    """As the command has written them."""
     return Results.model_validate_json((folder / "sim-results/results.json").read_bytes()).outcomes
 
 
 def copied(folder: Path) -> Path:
-    """The examples, to be changed."""
     return shutil.copytree(EXAMPLES, folder / "ws")
 
 
@@ -73,7 +70,6 @@ def changed(path: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize("name", TESTS)
 def test_examples_pass(name: str, tmp_path: Path) -> None:
     done = rostest(tmp_path, EXAMPLES, "robot_driver", f"{name}.test")
-
     assert done.returncode == 0, done.stdout + done.stderr
     (outcome,) = outcomes(tmp_path)
     assert outcome.status == "passed"
@@ -105,7 +101,6 @@ def test_the_mover_comes_as_far_as_physics_says_however_busy_the_machine_is(
 ) -> None:
     """It speeds up by 1 m/s^2 to 1 m/s: half a metre in the first second, one in the next."""
     findings = idle_and_busy(tmp_path, "mover", idle, busy)
-
     runs = [told(found) for found in findings]
     assert runs[0].first_command is not None
     trace = load_trace(findings[0].runs[0].folder / TRACE_FILE)
@@ -122,10 +117,8 @@ def test_a_time_limit_is_of_sim_time_and_each_test_has_its_own(tmp_path: Path) -
     workspace = copied(tmp_path)
     second = '  <test test-name="too_far" pkg="robot_driver" type="test_mover.py" time-limit="1.5"/>\n</launch>'
     changed(workspace / LAUNCH, 'time-limit="30.0"/>\n</launch>', f'time-limit="3.0"/>\n{second}')
-
     # The first takes 2 s of sim time, which are 4 s of wall time and more.
     done = rostest(tmp_path, workspace, "robot_driver", "mover.test", "--rtf", "0.5")
-
     assert done.returncode == 1, done.stdout + done.stderr
     found = outcomes(tmp_path)
     assert len({outcome.trace for outcome in found}) == 2
@@ -159,9 +152,7 @@ def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[st
         # A busy machine spawns the robot late.
         limit = 20.0 if file == MOVER else 6.0
         changed(workspace / LAUNCH, 'time-limit="30.0"', f'time-limit="{limit}"')
-
     done = rostest(tmp_path, workspace, "robot_driver", "mover.test")
-
     assert done.returncode in (1, 2), done.stdout + done.stderr
     (outcome,) = outcomes(tmp_path)
     said = [failure.message for failure in outcome.failures]

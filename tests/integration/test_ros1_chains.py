@@ -88,16 +88,13 @@ SENSORS = "nodes/mixer.py, " + ", ".join(
 @pytest.mark.parametrize("nodes", [pytest.param(TIMERS, id="timers"), pytest.param(SENSORS, id="sensors")])
 def test_a_chain_of_nodes_has_one_digest(nodes: str, runs: int, tmp_path: Path) -> None:
     chain(tmp_path, nodes)
-
     done = sim_action(tmp_path, "run", "ws/s.sim.yml", "--no-report", "--repeat", str(runs))
-
     (outcome,) = outcomes(tmp_path)
     assert done.returncode == 0, done.stdout
     assert outcome["repeats"] == {"count": runs, "agreed": runs, "digests": 1, "replay": None}
 
 
 def chain(folder: Path, nodes: str) -> None:
-    """One in an otherwise empty repository with a workspace."""
     (folder / ".git").mkdir()
     package(folder / "ws", "nodes", NODES)
     text = "name: chain\nrobot: {model: turtlebot3_burger}\n"

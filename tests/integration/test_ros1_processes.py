@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -57,23 +58,20 @@ LAUNCH = """\
 
 
 def called(folder: Path, words: str) -> int:
-    """The first process whose command line holds some words."""
     lines = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ") for pid in processes_of(folder)}
     return min(pid for pid, line in lines.items() if words.encode() in line)
 
 
 def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest") -> tuple[int, Outcome | None]:
     """What becomes of a call whose test would never be over, once something is done in the midst of it."""
-    workspace = folder / "ws"
-    limit = ["--sim-time-limit", "500"]
     files = {"mover.py": MOVER, "waits.py": TEST, "waits.test": LAUNCH}
-    package(workspace, "waiting", files)
+    package(folder / "ws", "waiting", files)
     begun = folder / "begun"
     variables = {**os.environ, "PYTHONPATH": str(ROOT), "ROS_MARK": str(folder), "ROS_BEGUN": str(begun)}
-    command = [sys.executable, "-m", "sim_action", program, "--workspace", "ws", "waiting", "waits.test", *limit]
-    call = subprocess.Popen(
-        command, cwd=folder, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-    )
+    words = [program, "--workspace", "ws", "waiting", "waits.test", "--sim-time-limit", "500"]
+    command = [sys.executable, "-m", "sim_action", *words]
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+    call = subprocess.Popen(command, cwd=folder, env=variables, **quiet)
     try:
         wait_until(begun.exists)
         end(call.pid)
@@ -88,7 +86,6 @@ def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest")
 @pytest.mark.parametrize("number", soaked([signal.SIGINT, signal.SIGTERM], short=[signal.SIGTERM]))
 def test_an_interrupted_call_reports_and_leaves_nothing(tmp_path: Path, number: signal.Signals) -> None:
     code, outcome = ended_by(tmp_path, lambda call: os.kill(call, number))
-
     assert code == 130
     assert outcome is not None
     assert [failure.kind for failure in outcome.failures] == ["interrupted"]
@@ -97,35 +94,30 @@ def test_an_interrupted_call_reports_and_leaves_nothing(tmp_path: Path, number: 
 
 def test_a_call_that_is_killed_outright_leaves_nothing(tmp_path: Path) -> None:
     code, outcome = ended_by(tmp_path, lambda call: os.kill(call, signal.SIGKILL))
-
     assert code == -signal.SIGKILL
     assert outcome is None
     wait_for(0, tmp_path)
 
 
+SUPERVISOR = "sim_action.runner.isolation.command_supervisor"
+GAZEBO = "sim_action.ros.ros1.launch.programs gzserver"
+
+
 @pytest.mark.parametrize(
-    ("victim", "cause"),
+    ("program", "victim", "cause"),
     [
-        ("rostestmain", "the launcher was ended by SIGKILL"),
-        ("sim_action.runner.isolation.command_supervisor", "the launcher was ended by SIGKILL"),
-        ("sim_action.ros.ros1.launch.programs gzserver", "the node 'gazebo' ended with SIGKILL"),
+        ("rostest", "rostestmain", "the launcher was ended by SIGKILL"),
+        ("rostest", SUPERVISOR, "the launcher was ended by SIGKILL"),
+        ("rostest", GAZEBO, "the node 'gazebo' ended with SIGKILL"),
+        pytest.param("roslaunch", "rosmaster", "the master does not answer", marks=pytest.mark.soak),
     ],
 )
-def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(tmp_path: Path, victim: str, cause: str) -> None:
-    code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, victim), signal.SIGKILL))
-
+def test_whatever_is_killed_nothing_is_left_and_there_is_a_report(
+    tmp_path: Path, program: str, victim: str, cause: str
+) -> None:
+    code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, victim), signal.SIGKILL), program)
     assert processes_of(tmp_path) == []
     assert code == 1
     assert outcome is not None
     assert outcome.status == "error"
     assert cause in outcome.failures[0].message
-
-
-@pytest.mark.soak
-def test_without_its_master_a_launch_is_over_and_nothing_of_it_is_left(tmp_path: Path) -> None:
-    code, outcome = ended_by(tmp_path, lambda _: os.kill(called(tmp_path, "rosmaster"), signal.SIGKILL), "roslaunch")
-
-    assert processes_of(tmp_path) == []
-    assert code == 1
-    assert outcome is not None
-    assert "the master does not answer" in outcome.failures[0].message

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.integration.conftest import outcomes
+from tests.integration.conftest import fresh_sim_action, outcomes
 from tests.integration.marked_processes import wait_for
 from tests.integration.test_examples import ROOT, sim_action
 from tests.patience import PATIENCE, wait_until
@@ -56,37 +56,33 @@ def scenario(folder: Path, ros1: str, more: str = "") -> None:
 
 
 def ran(folder: Path, *words: str) -> tuple[int, dict[str, Any]]:
-    """The exit code, and the only outcome."""
     done = sim_action(folder, "run", "ws/s.sim.yml", "--no-report", *words)
     (outcome,) = outcomes(folder)
     return done.returncode, outcome
 
 
-FAILURES = [
-    pytest.param("crasher", ["'crasher' ended with exit code 1: ZeroDivisionError"], "crasher.py", id="a crash"),
-    pytest.param("killed", ["'killed' ended with SIGKILL"], "s.sim.yml", id="a signal"),
-    pytest.param("importer", ["'importer' ended with exit code 1", "no_such_module"], "importer.py", id="no module"),
-]
+# Node -> the file that its failure names, and causes.
+FAILURES = {
+    "crasher": ("crasher.py", ["'crasher' ended with exit code 1: ZeroDivisionError"]),
+    "killed": ("s.sim.yml", ["'killed' ended with SIGKILL"]),
+    "importer": ("importer.py", ["'importer' ended with exit code 1", "no_such_module"]),
+}
 
 
-@pytest.mark.parametrize(("node", "causes", "file"), FAILURES)
-def test_a_node_that_dies_is_an_error_with_its_cause(node: str, causes: list[str], file: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("node", FAILURES)
+def test_a_node_that_dies_is_an_error_with_its_cause(node: str, tmp_path: Path) -> None:
+    file, causes = FAILURES[node]
     scenario(tmp_path, f"{{nodes: [nodes/mover.py, nodes/{node}.py]}}")
-
     code, outcome = ran(tmp_path)
-
     (failure,) = outcome["failures"]
     assert (code, outcome["status"], failure["kind"]) == (1, "error", "script")
     assert all(cause in failure["message"] for cause in causes), failure
     assert Path(failure["location"]["file"]).name == file
-    assert failure["location"]["line"] == (4 if file == "s.sim.yml" else line_of(tmp_path, file))
+    lines = NODES.get(file, "\n\n\n1 / 0").splitlines()
+    guilty = next(number for number, line in enumerate(lines, 1) if "1 / 0" in line or "no_such_module" in line)
+    assert failure["location"]["line"] == guilty
     # It is at the same moment however long it takes a process to be gone.
     assert node == "importer" or "at 0.5" in failure["message"] or "at 0.6" in failure["message"], failure
-
-
-def line_of(folder: Path, file: str) -> int:
-    lines = (folder / "ws/src/nodes" / file).read_text().splitlines()
-    return next(n for n, line in enumerate(lines, start=1) if "1 / 0" in line or "no_such_module" in line)
 
 
 def test_nodes_may_leave_and_put_away_what_they_have_once_the_run_is_over(tmp_path: Path) -> None:
@@ -95,9 +91,7 @@ def test_nodes_may_leave_and_put_away_what_they_have_once_the_run_is_over(tmp_pa
     keeps = f'rospy.on_shutdown(lambda: (rospy.rostime.wallsleep(0.5), open("{saved}", "w").close()))'
     keeper = f'{DRIVE}\nrospy.init_node("keeper")\n{keeps}\ndrive(topic="/cmd_vell")\n'
     package(tmp_path / "ws", "nodes", {"keeper.py": keeper})
-
     code, outcome = ran(tmp_path)
-
     assert (code, outcome["status"]) == (0, "passed"), outcome
     assert saved.exists()
     assert not [note for note in outcome["notes"] if "left behind" in note]
@@ -114,9 +108,7 @@ def test_a_process_that_becomes_no_node_is_not_waited_for_and_a_robot_that_nobod
     tmp_path: Path,
 ) -> None:
     scenario(tmp_path, "{nodes: [nodes/misled.py, nodes/sleeper.py], start_within: 1 s}")
-
     code, outcome = ran(tmp_path)
-
     assert (code, outcome["status"]) == (1, "failed")
     (note,) = [note for note in outcome["notes"] if "no node drove the robot" in note]
     assert "topics: {cmd_vel: /cmd_vell}" in note
@@ -144,13 +136,10 @@ def test_parts_of_a_launch_file_that_a_scenario_does_not_replace_are_an_error_un
     files = {"drive.launch": text, "robot.xacro": '<robot name="r"><link name="base"/></robot>'}
     package(folder / "ws", "nodes", files)
     lost = ["the world 'yard.world'", "the model 'box'", "the controller 'arm' (position_controllers/Joint"]
-
     code, outcome = ran(folder)
-
     (failure,) = outcome["failures"]
     assert (code, outcome["status"], failure["location"]["line"]) == (2, "error", 4)
     assert all(each in failure["message"] for each in [*lost, "allow_losses: true"]), failure
-
     path = folder / "ws/s.sim.yml"
     path.write_text(path.read_text().replace("'speed:=0.5']", "'speed:=0.5'], allow_losses: true"))
     code, outcome = ran(folder)
@@ -162,9 +151,7 @@ def test_parts_of_a_launch_file_that_a_scenario_does_not_replace_are_an_error_un
 
 def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [nodes/lost.py]}")
-
     code, outcome = ran(tmp_path)
-
     assert (code, outcome["status"]) == (1, "error")
     assert "a node sent a bad command on /cmd_vel: Twist(" in outcome["failures"][0]["message"]
     assert "has a value that is not finite" in outcome["failures"][0]["message"]
@@ -173,9 +160,7 @@ def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:
 def test_messages_that_cannot_be_written_are_told_at_the_scenario(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [nodes/mover.py]}")
     package(tmp_path / "ws", "broken", {"msg/Broken.msg": "no_such_type field\n"})
-
     code, outcome = ran(tmp_path)
-
     assert (code, outcome["status"]) == (2, "error")
     assert "genpy cannot generate the messages of broken" in outcome["failures"][0]["message"]
     assert outcome["failures"][0]["location"]["line"] == 4
@@ -187,9 +172,7 @@ def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path
     spins = "import threading\n\n\ndef spin():\n    while True:\n        pass\n\n\n"
     begun = "threading.Thread(target=spin, daemon=True).start()\n"
     package(tmp_path / "ws", "nodes", {"spinner.py": f'{DRIVE}\n{spins}rospy.init_node("spinner")\n{begun}drive()\n'})
-
     _, outcome = ran(tmp_path)
-
     (warning,) = [each for each in outcome["warnings"] if each["rule"] == "not-reproducible"]
     assert "lock-step was lost at 0 s of sim time: the node 'spinner' was still busy" in warning["message"]
 
@@ -213,9 +196,7 @@ def test_nodes_that_act_by_the_wall_clock_or_whose_callbacks_raise_are_named_and
     for name, (waits, _) in BY_THE_WALL_CLOCK.items():
         loop = f'rospy.init_node("{name}")\nwhile not rospy.is_shutdown():\n    {waits}\n'
         package(tmp_path / "ws", "nodes", {f"{name}.py": f"{HEAD}import threading\nimport time\n\n{loop}"})
-
     _, outcome = ran(tmp_path)
-
     said = sorted(each["message"] for each in outcome["warnings"] if each["rule"] == "not-reproducible")
     assert len(said) == 2, said
     for message, (name, (_, why)) in zip(said, sorted(BY_THE_WALL_CLOCK.items()), strict=True):
@@ -231,20 +212,10 @@ def test_nodes_that_act_by_the_wall_clock_or_whose_callbacks_raise_are_named_and
 def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> None:
     scenario(tmp_path, "{nodes: [nodes/mover.py]}")
     # Read by each interpreter as it starts.
-    absent = (
-        "from pathlib import Path\nfrom sim_action.ros.ros1 import installation\n"
-        "installation.PYTHON = Path('/no/python')\n"
-    )
-    (tmp_path / "sitecustomize.py").write_text(absent)
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}", "COLUMNS": "1000"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
+    absent = "from pathlib import Path\nfrom sim_action.ros.ros1 import installation\n"
+    (tmp_path / "sitecustomize.py").write_text(f"{absent}installation.PYTHON = Path('/no/python')\n")
+    words = ("run", "ws/s.sim.yml", "--no-report")
+    done = fresh_sim_action(tmp_path, *words, PYTHONPATH=f"{tmp_path}:{ROOT}", COLUMNS="1000")
     assert done.returncode == 2, done.stdout + done.stderr
     assert "invalid scenario: commands.ros1: ROS 1 is not installed" in done.stdout
     assert "sudo apt-get install --no-install-recommends python3-rospy" in done.stdout
@@ -253,9 +224,7 @@ def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> No
 
 LAUNCHES = [
     pytest.param('<launch><include file="$(find nods)/x.launch"/></launch>', ["'nods'", "'nodes'"], id="no package"),
-    pytest.param(
-        '<launch><group><param name="x"/></group></launch>', ["param", "x"], id="no launch file", marks=pytest.mark.soak
-    ),
+    pytest.param("<launch><group><param name='x'/></group></launch>", ["param", "x"], marks=pytest.mark.soak),
 ]
 
 
@@ -263,9 +232,7 @@ LAUNCHES = [
 def test_a_launch_file_that_cannot_be_launched_is_an_error(text: str, causes: list[str], tmp_path: Path) -> None:
     scenario(tmp_path, "{launch: [nodes, drive.launch]}")
     (tmp_path / "ws/src/nodes/drive.launch").write_text(text)
-
     code, outcome = ran(tmp_path)
-
     (failure,) = outcome["failures"]
     assert (code, outcome["status"]) == (1, "error")
     assert all(cause in failure["message"] for cause in causes), failure
@@ -317,9 +284,7 @@ def test_nodes_hear_of_the_robot_and_its_sensors(tmp_path: Path) -> None:
     probe = f"{{package: nodes, type: probe.py, args: '{heard}'}}"
     scenario(tmp_path, f"{{nodes: [{probe}], topics: {{contact: /bumper}}}}", SENSORS)
     package(tmp_path / "ws", "nodes", {"probe.py": PROBE})
-
     code, outcome = ran(tmp_path)
-
     assert code == 0, outcome
     told = json.loads(heard.read_text())
     assert told == {
@@ -343,21 +308,16 @@ def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_pa
     scenario(tmp_path, "{nodes: [nodes/stays.py]}", more)
     stays = f'{DRIVE}\nrospy.init_node("stays")\ndrive(lambda: open("{begun}", "w").close())\n'
     package(tmp_path / "ws", "nodes", {"stays.py": stays})
-    call = subprocess.Popen(
-        [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "ROS_MARK": str(tmp_path)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    command = [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"]
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), "ROS_MARK": str(tmp_path)}
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+    call = subprocess.Popen(command, cwd=tmp_path, env=variables, **quiet)
     try:
         wait_until(begun.exists)
         os.kill(call.pid, number)
         call.wait(PATIENCE)
     finally:
         call.kill()
-
     wait_for(0, tmp_path)
 
 
@@ -365,16 +325,11 @@ def test_readings_reach_nodes_late_and_each_message_of_a_node_may_be_lost_once(t
     late = "  latency: 0.1 s\n  dropouts: 0.5\nsensors: [{imu: {}, rate: 10 Hz, latency: 0.2 s}]\n"
     scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/listener.py]}", f"{late}expect: [upright]\ntime_limit: 2 s\n")
     heard = tmp_path / "heard"
-    listens = (
-        'rospy.Subscriber("/imu", Imu, lambda said: print(said.header.stamp, rospy.get_time(), file=LOG, flush=True))'
-    )
-    text = (
-        f'{HEAD}from sensor_msgs.msg import Imu\nLOG = open("{heard}", "w")\nrospy.init_node("listener")\n{listens}\n'
-    )
-    package(tmp_path / "ws", "nodes", {"listener.py": f"{text}rospy.spin()\n"})
-
+    logged = "lambda said: print(said.header.stamp, rospy.get_time(), file=LOG, flush=True)"
+    text = f'{HEAD}from sensor_msgs.msg import Imu\nLOG = open("{heard}", "w")\nrospy.init_node("listener")\n'
+    listens = f'rospy.Subscriber("/imu", Imu, {logged})\nrospy.spin()\n'
+    package(tmp_path / "ws", "nodes", {"listener.py": text + listens})
     code, outcome = ran(tmp_path)
-
     assert (code, outcome["status"]) == (0, "passed"), outcome
     rows = [tuple(map(float, line.split())) for line in heard.read_text().splitlines()]
     stamps = [round(nanoseconds / 1e9, 3) for nanoseconds, _ in rows]

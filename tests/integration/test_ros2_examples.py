@@ -37,11 +37,9 @@ def beginnings(folder: Path, pace: str = "lockstep") -> None:
 @pytest.mark.parametrize("runs", soaked([1, 20], short=[1]))
 def test_every_run_has_the_same_digest_alone_and_next_to_others(runs: int, tmp_path: Path) -> None:
     beginnings(tmp_path)
-
     alone, together = (
         outcomes(tmp_path, ".", "--no-report", "--jobs", jobs, "--repeat", str(runs)) for jobs in ("1", "3")
     )
-
     for name in LOOPS:
         found = alone[name], together[name]
         assert [(each["status"], each["warnings"]) for each in found] == [("passed", [])] * 2, found
@@ -53,9 +51,7 @@ def test_every_run_has_the_same_digest_alone_and_next_to_others(runs: int, tmp_p
 @pytest.mark.soak
 def test_without_lock_step_runs_have_several_digests(tmp_path: Path) -> None:
     beginnings(tmp_path, pace="realtime")
-
     found = outcomes(tmp_path, ".", "--no-report", "--jobs", "1", "--repeat", "20")
-
     assert all(found[name]["repeats"]["digests"] > 1 for name in LOOPS), found
 
 
@@ -113,8 +109,6 @@ def test_the_page_leads_from_a_failing_run_to_the_example(tmp_path: Path) -> Non
     assert node.replace(f"{old}\n", fix) == (EXAMPLES / "first_steps/mover.py").read_text()
     shutil.copy(EXAMPLES / "first_steps/mover.sim.yml", tmp_path)
     (tmp_path / "mover.py").write_text(node)
-
     failed = run(tmp_path, ".", "--backend", "pybullet", "--no-report")
-
     shown = failed.stdout.splitlines()
     assert (failed.returncode, [line for line in blocks("text", PAGE)[0].splitlines() if line not in shown]) == (1, [])

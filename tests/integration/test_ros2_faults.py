@@ -101,7 +101,6 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
     faulty(tmp_path, "kills", timer=KILLS)
     faulty(tmp_path, "leaves", timer="sys.exit(0)", nodes="[{file: ./leaves_node.py, required: true}]")
     found = {name: told(outcome) for name, outcome in outcomes(tmp_path, ".", "-j", "2").items()}
-
     message, line = found.pop("lacks")
     assert message.startswith("commands.ros2.nodes.0: 'lacks_node.py' imports 'not_there', and ")
     assert line is None
@@ -153,7 +152,6 @@ def test_a_run_goes_on_with_what_it_heard(tmp_path: Path, monkeypatch: pytest.Mo
     waits = 'self.create_subscription(String, "goal", print, 10)'
     faulty(tmp_path, "silent", init=waits, timer="sys.exit(0)", topic="base/cmd_vel")
     found = outcomes(tmp_path, ".", "-j", "2")
-
     loud, silent = found["loud"], found["silent"]
     logged = "the node 'mover' logged an error 3 times, first at 0.1 s of sim time: no plan (loud_node.py:30)"
     assert warned(loud) == {"logged-error": logged}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from subprocess import CompletedProcess
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
+from tests.integration.conftest import outcomes as stored_outcomes
 from tests.ros.ros2.nodes import MOVER, SMOOTHER, command, missing_launch, needs_launch, needs_ros2, outcomes, scenario
 from tests.ros.ros2.prefixes import source
 
@@ -103,10 +102,25 @@ def test_launched_nodes_have_the_same_result_every_time(tmp_path: Path) -> None:
 PATIENT = "wall_limit: 600 s\nexpect:\n  - path_length: {at_most: 8 m}\n"
 
 LIST = "    return LaunchDescription([{}])\n"
+
+
+def starting(action: str) -> str:
+    return f"    return LaunchDescription([{action}])\n"
+
+
+def node(package: str, program: str) -> str:
+    return starting(f'Node(package="{package}", executable="{program}")')
+
+
+def process(*words: str, more: str = "") -> str:
+    return starting(f"ExecuteProcess(cmd={list(words)}{more})")
+
+
+# Name -> body of the launch file, a part of the message, and the line that it names.
 FAILING = {
-    "dies": (LIST.format('Node(package="robot", executable="dies")'), "ended with exit code 1: ValueError: no plan", 1),
+    "dies": (node("robot", "dies"), "ended with exit code 1: ValueError: no plan", 1),
     "ends": (
-        LIST.format('ExecuteProcess(cmd=["sh", "-c", "exit 0"], on_exit=Shutdown(reason="sh is required"))'),
+        process("sh", "-c", "exit 0", more=', on_exit=Shutdown(reason="sh is required")'),
         "the launch file ended the launch during the run: sh is required",
         4,
     ),
@@ -116,27 +130,18 @@ FAILING = {
         14,
     ),
     "package": (
-        LIST.format('Node(package="robto", executable="mover")'),
+        node("robto", "mover"),
         "there is no package 'robto' in the workspace or ROS 2; did you mean 'robot'?",
         4,
     ),
-    "program": (
-        LIST.format('Node(package="robot", executable="moover")'),
-        "the package 'robot' has no executable 'moover'; did you mean 'mover'?",
-        4,
-    ),
-    "start": (
-        LIST.format('ExecuteProcess(cmd=["/no/such/program"])'),
-        "'/no/such/program' cannot be started: No such file or directory",
-        4,
-    ),
+    "program": (node("robot", "moover"), "the package 'robot' has no executable 'moover'; did you mean 'mover'?", 4),
+    "start": (process("/no/such/program"), "'/no/such/program' cannot be started: No such file or directory", 4),
     "lost": (
-        LIST.format('ExecuteProcess(cmd=["gz", "sim", "house.sdf"])'),
+        process("gz", "sim", "house.sdf"),
         "is not simulated: add its objects to 'world'; to run without it, set allow_losses: true",
         4,
     ),
 }
-"""Name -> body of the launch file, a part of the message, and the line that it names."""
 
 
 @needs_ros2
@@ -220,13 +225,6 @@ class TestDrive(unittest.TestCase):
 """
 
 
-def results(folder: Path, done: CompletedProcess[str]) -> list[dict[str, Any]]:
-    file = folder / "sim-results/results.json"
-    assert file.exists(), done.stdout + done.stderr
-    found: list[dict[str, Any]] = json.loads(file.read_text(encoding="utf-8"))["outcomes"]
-    return found
-
-
 @needs_launch
 def test_a_launch_test_gets_the_robot_that_it_spawns(tmp_path: Path) -> None:
     workspace(tmp_path)
@@ -240,7 +238,8 @@ def test_a_launch_test_gets_the_robot_that_it_spawns(tmp_path: Path) -> None:
     (package / "test").mkdir()
     (package / "test/drive_test.py").write_text(LAUNCH_TEST)
     done = command(tmp_path, "launchtest", "robot", "drive_test.py", "--sim-time-limit", "600")
-    (outcome,) = results(tmp_path, done)
+    assert (tmp_path / "sim-results/results.json").exists(), done.stdout + done.stderr
+    (outcome,) = stored_outcomes(tmp_path)
     verdicts = {each["name"]: each["verdict"] for each in outcome["expectations"]}
     assert {name: verdict["passed"] for name, verdict in verdicts.items()} == {
         "test_drives": True,
@@ -261,7 +260,7 @@ def test_a_launch_test_gets_the_robot_that_it_spawns(tmp_path: Path) -> None:
 @needs_ros2
 @pytest.mark.skipif(not missing_launch(), reason="launch is installed")
 def test_a_part_that_only_launch_has_is_named(tmp_path: Path) -> None:
-    workspace(tmp_path, container=LIST.format("EmitEvent(event=LogInfo(msg=''))"))
+    workspace(tmp_path, container=starting("EmitEvent(event=LogInfo(msg=''))"))
     scenario(tmp_path, "container", "{launch: [robot, container.launch.py]}", PATIENT)
     (failure,) = outcomes(tmp_path, ".")["container"]["failures"]
     assert "the event 'launch.actions.LogInfo' of EmitEvent needs the Python package 'launch'" in failure["message"]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from tests.ros.ros2.nodes import needs_ros2, outcomes
 
 pytestmark = needs_ros2
@@ -150,7 +148,6 @@ time_limit: 2 s
 """
 
 
-@pytest.mark.process
 def test_nodes_hear_the_robot_and_command_it(tmp_path: Path) -> None:
     (tmp_path / "listener.py").write_text(LISTENER)
     (tmp_path / "planner.py").write_text(ARM_NODE)
@@ -158,7 +155,6 @@ def test_nodes_hear_the_robot_and_command_it(tmp_path: Path) -> None:
     (tmp_path / "burger.sim.yml").write_text(BURGER)
     for name, file in (("arm", "planner.py"), ("typo", "typo.py")):
         (tmp_path / f"{name}.sim.yml").write_text(ARM.replace("NAME", name).replace("FILE", file))
-
     found = outcomes(tmp_path, ".", "--jobs", "2")
     assert {name: outcome["status"] for name, outcome in found.items()} == {
         "arm": "passed",
@@ -171,7 +167,6 @@ def test_nodes_hear_the_robot_and_command_it(tmp_path: Path) -> None:
         "unknown joint 'elbow_join'; did you mean 'elbow_joint'? (allowed: elbow_joint, shoulder_lift_joint, "
         "shoulder_pan_joint)"
     )
-
     heard = json.loads((tmp_path / "heard.json").read_text())
     assert heard["first"] == FIRST
     stamps = heard["stamps"]

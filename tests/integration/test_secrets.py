@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import os
-import subprocess
-import sys
 import zipfile
 from collections.abc import Mapping
 from io import BytesIO
@@ -15,10 +12,10 @@ from typing import Final
 import pytest
 
 from sim_action.results.results_json import Results
-from tests.patience import PATIENCE
+from tests.integration.conftest import fresh_sim_action
+from tests.integration.test_permission_gate import case as scenario_case
 from tests.ros.ros1.launches import needs_ros, package
 
-ROOT = Path(__file__).resolve().parents[2]
 PLANTED: Final = "planted-4711-"
 NAMES: Final = (
     *("GITHUB_TOKEN", "GH_TOKEN", "ACTIONS_RUNTIME_TOKEN", "INPUT_TOKEN", "AWS_SECRET_ACCESS_KEY", "DATABASE_URL"),
@@ -32,15 +29,7 @@ PASSED: Final = {
 }
 """Variables that the caller names."""
 
-CASE: Final = """\
-name: {name}
-robot: {{model: {model}}}
-{commands}
-expect: [{expect}]
-time_limit: 1 s
-environment: {{STATED: by the scenario}}
-"""
-TWIST: Final = "{rate: 10 Hz, twist: [{linear: 0.1}]}"
+TWIST: Final = "commands: {rate: 10 Hz, twist: [{linear: 0.1}]}"
 SCRIPT: Final = """\
 import os, sys
 print("sees", os.environ["STATED"], len(os.environ["PASSED"]), dict(os.environ))
@@ -89,26 +78,15 @@ def call(folder: Path, *words: str) -> tuple[str, str]:
     files = {name: folder / "github" / name for name in ("GITHUB_STEP_SUMMARY", "GITHUB_OUTPUT")}
     for file in files.values():
         file.touch()
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
     variables = {
-        **kept,
         **{name: PLANTED + name for name in NAMES},
         **PASSED,
         **{name: str(file) for name, file in files.items()},
         "GITHUB_ACTIONS": "true",
         "GITHUB_EVENT_NAME": "pull_request",
-        "PYTHONPATH": str(ROOT),
     }
     options = [word for name in PASSED for word in ("--pass-env", name)]
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_action", words[0], *options, "--verbose", *words[1:]],
-        cwd=folder,
-        env=variables,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = fresh_sim_action(folder, words[0], *options, "--verbose", *words[1:], **variables)
     written = "\n".join(
         text_of(path.read_bytes())
         for place in ("sim-results", "github")
@@ -145,19 +123,18 @@ def suite(tmp_path: Path) -> Path:
         "ctl.py": PROCESS,
         "judge.py": ASSERTION,
         "nosy.urdf.xacro": XACRO.format(names=" ".join(NAMES), optenvs=optenvs),
-        "script.sim.yml": case("script", commands="{rate: 10 Hz, script: nosy.py}"),
-        "process.sim.yml": case("process", commands="{rate: 10 Hz, process: python3 ctl.py}"),
-        "judged.sim.yml": case("judged", expect="assertion: judge.py:Nosy"),
-        "xacro.sim.yml": case("xacro", model="nosy.urdf.xacro", commands="", expect="upright: {max_tilt: 20 deg}"),
+        "script.sim.yml": case("script", commands="commands: {rate: 10 Hz, script: nosy.py}"),
+        "process.sim.yml": case("process", commands="commands: {rate: 10 Hz, process: python3 ctl.py}"),
+        "judged.sim.yml": case("judged", commands=TWIST, expect="assertion: judge.py:Nosy"),
+        "xacro.sim.yml": case("xacro", model="nosy.urdf.xacro", expect="upright: {max_tilt: 20 deg}"),
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     return tmp_path
 
 
-def case(name: str, model: str = "turtlebot3_burger", commands: str = TWIST, expect: str = "no_collision") -> str:
-    driven = f"commands: {commands}" if commands else "# nothing drives it"
-    return CASE.format(name=name, model=model, commands=driven, expect=expect)
+def case(name: str, **keys: str) -> str:
+    return f"{scenario_case(name, **keys)}environment: {{STATED: by the scenario}}\n"
 
 
 def test_no_secret_is_in_any_file_or_output(suite: Path) -> None:
@@ -203,7 +180,7 @@ def test_a_missing_variable_that_exists_in_the_job_is_explained(suite: Path) -> 
 @needs_ros
 def test_a_node_sees_no_secret(tmp_path: Path) -> None:
     package(tmp_path, "nosy", {"scripts/nosy.py": NODE})
-    node = "{rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}"
+    node = "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}"
     (tmp_path / "node.sim.yml").write_text(case("node", commands=node))
     printed, written = call(tmp_path, "run", "node.sim.yml")
     (outcome,) = Results.read(tmp_path / "sim-results/results.json").outcomes

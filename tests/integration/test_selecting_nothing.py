@@ -33,7 +33,6 @@ def outcomes(folder: Path) -> list[tuple[str, str]]:
     return [(each.name, each.status) for each in Results.read(folder / "results.json").outcomes]
 
 
-@pytest.mark.process
 def test_it_is_an_error_in_every_report_and_the_others_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,7 +55,6 @@ def test_it_is_an_error_in_every_report_and_the_others_run(
     assert MESSAGE in texts[-1]
 
 
-@pytest.mark.process
 def test_only_the_first_shard_reports_it_and_a_merge_has_it_once(folder: Path) -> None:
     only = ["--only", "drive", "--only", "turn", "--only", "drve"]
     for index, (code, found) in enumerate([(2, ["drive", "--only drve"]), (0, ["turn"])], start=1):
@@ -88,7 +86,6 @@ def test_a_list_tells_it_and_so_does_a_matrix(capsys: pytest.CaptureFixture[str]
     assert MESSAGE in printed.err
 
 
-@pytest.mark.process
 def test_a_shard_of_a_matrix_has_scenarios_for_some_patterns_only(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

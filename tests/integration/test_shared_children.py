@@ -69,38 +69,17 @@ def crash() -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def hang() -> None:
-    time.sleep(600)
-
-
 def flood() -> NoReturn:
     # Whatever the moment of its end, the end of its output is the same.
     while True:
         os.write(1, (b"f" * 63 + b"\n") * 1000)
 
 
-def hog() -> None:
-    bytearray(1 << 40)
+def raising(error: type[Exception], *arguments: object) -> Act:
+    def act() -> NoReturn:
+        raise error(*arguments)
 
-
-def leave() -> None:
-    os._exit(3)
-
-
-def refuse_files() -> None:
-    raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
-
-
-def be_unstable() -> None:
-    raise SimulationUnstable("it flies away")
-
-
-def give_up() -> None:
-    raise EngineError("the engine gave up")
-
-
-def have_a_fault() -> None:
-    raise KeyError("a fault of sim-action")
+    return act
 
 
 def show(message: object, *_: object, **__: object) -> None:
@@ -121,10 +100,6 @@ def talk() -> None:
 LEFT: Final[list[object]] = []
 
 
-def leave_memory() -> None:
-    LEFT.append(bytearray(200 << 20))
-
-
 def leave_files_open() -> None:
     with suppress(OSError):
         while True:
@@ -139,13 +114,20 @@ def leave_traces() -> None:
 
 ACTS: Final[Mapping[str, Act]] = {
     "be honest": lambda: None,
-    **{
-        act.__name__.replace("_", " "): act
-        for act in (
-            *(crash, hang, flood, hog, leave, refuse_files, be_unstable, give_up, have_a_fault, warn, talk),
-            *(leave_memory, leave_files_open, leave_traces),
-        )
-    },
+    "crash": crash,
+    "hang": lambda: time.sleep(600),
+    "flood": flood,
+    "hog": lambda: bytearray(1 << 40),
+    "leave": lambda: os._exit(3),
+    "refuse files": raising(OSError, errno.EMFILE, os.strerror(errno.EMFILE)),
+    "be unstable": raising(SimulationUnstable, "it flies away"),
+    "give up": raising(EngineError, "the engine gave up"),
+    "have a fault": raising(KeyError, "a fault of sim-action"),
+    "warn": warn,
+    "talk": talk,
+    "leave memory": lambda: LEFT.append(bytearray(200 << 20)),
+    "leave files open": leave_files_open,
+    "leave traces": leave_traces,
 }
 """What runs do inside of sim-action's own code: no scenario without user code can be made to do most of it."""
 
@@ -201,9 +183,9 @@ def run(
         return execute(loaded, folder, jobs, listener, interruption, **options)
 
 
-def content(outcome: Outcome) -> dict[str, Any]:
-    """An outcome without times: everything that must not depend on how it was run."""
-    return outcome.model_dump(mode="json", exclude={"wall_time", "real_time_factor"})
+def content(outcome: Outcome, *others: str) -> dict[str, Any]:
+    """An outcome without times and `others`: everything that must not depend on how it was run."""
+    return outcome.model_dump(mode="json", exclude={"wall_time", "real_time_factor", *others})
 
 
 ACTIONS: Final = st.tuples(
@@ -303,9 +285,8 @@ def test_a_process_that_is_killed_from_outside_costs_no_verdict_of_another_run(
 
     listener = Listener(kill)
     shared = run(loaded, folder / "shared", listener, jobs=jobs)
-    differ = [
-        index for index, pair in enumerate(zip(shared, alone, strict=True)) if content(pair[0]) != content(pair[1])
-    ]
+    pairs = enumerate(zip(shared, alone, strict=True))
+    differ = [index for index, (one, other) in pairs if content(one) != content(other)]
     # The first run of a process has the cause that a child process of its own has.
     assert len(differ) <= len(killed)
     assert all(shared[index].failures[0].title == "SIGKILL" for index in differ)
@@ -336,12 +317,8 @@ def test_examples_have_the_same_digests_in_a_process_that_has_run_others(
     alone = run(loaded, tmp_path / "alone", Listener(), shares=False, replays=True)
     # Each follows all others.
     shared = run(loaded * 2, tmp_path / "shared", Listener(), jobs=1, replays=True)
-    files = {"trace", "replay"}
-    for found in (shared[: len(loaded)], shared[len(loaded) :]):
-        assert [without(content(each), files) for each in found] == [without(content(each), files) for each in alone]
+    expected = [content(outcome, "trace", "replay") for outcome in alone]
+    for outcomes in (shared[: len(loaded)], shared[len(loaded) :]):
+        assert [content(outcome, "trace", "replay") for outcome in outcomes] == expected
     assert {outcome.status for outcome in alone} == {"passed"}
     assert None not in {outcome.digest for outcome in alone}
-
-
-def without(found: dict[str, Any], keys: set[str]) -> dict[str, Any]:
-    return {key: value for key, value in found.items() if key not in keys}

@@ -21,7 +21,6 @@ ASKED = {"COMP_WORDS": "sim-action exp", "COMP_CWORD": "exp"}
 
 @pytest.fixture
 def path(tmp_path: Path) -> str:
-    """A PATH with this sim-action."""
     program = tmp_path / "sim-action"
     program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m sim_action "$@"\n')
     program.chmod(0o755)

@@ -74,10 +74,16 @@ def run_template(repository: Path, tmp_path: Path, runner_temp: Path) -> RunTemp
     return run
 
 
-def joined(result: WorkflowResult) -> dict[str, object]:
-    """The results that a workflow has left as an artifact."""
-    results: dict[str, object] = json.loads((result.artifacts / "sim-results/results.json").read_text(encoding="utf-8"))
-    return results
+def joined(result: WorkflowResult) -> list[str]:
+    text = (result.artifacts / "sim-results/results.json").read_text(encoding="utf-8")
+    return [outcome["file"] for outcome in json.loads(text)["outcomes"]]
+
+
+def leave(repository: Path, text: str) -> None:
+    """One scenario, with this text."""
+    for name in "bcd":
+        (repository / f"simulation/{name}.sim.yml").unlink()
+    write(repository / "simulation/a.sim.yml", text)
 
 
 def test_minimal(run_template: RunTemplate) -> None:
@@ -129,9 +135,7 @@ time_limit: 0.5 s
 def test_a_pull_request_is_compared_with_its_base_on_the_same_draws(
     run_template: RunTemplate, repository: Path, tmp_path: Path
 ) -> None:
-    for name in "bcd":
-        (repository / f"simulation/{name}.sim.yml").unlink()
-    write(repository / "simulation/a.sim.yml", GATE)
+    leave(repository, GATE)
     base = tmp_path / "base"
     shutil.copytree(repository, base)
     write(repository / "simulation/a.sim.yml", GATE.replace("0.5 s", "0.45 s"))
@@ -155,8 +159,7 @@ def test_a_pull_request_with_the_first_scenarios_is_compared_with_nothing(
 
 @pytest.mark.soak
 def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, repository: Path) -> None:
-    for name in "bcd":
-        (repository / f"simulation/{name}.sim.yml").unlink()
+    leave(repository, TUTORIAL)
     write(repository / "simulation/b.sim.yml", FLAKY)
     write(repository / "simulation/controller.py", CONTROLLER)
     result = run_template("nightly", ("repeat: 20", "repeat: 4"), event_name="workflow_dispatch")
@@ -167,11 +170,9 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
 
 @pytest.mark.soak
 def test_the_weekly_proof_names_checks_that_check_nothing(run_template: RunTemplate, repository: Path) -> None:
-    for name in "bcd":
-        (repository / f"simulation/{name}.sim.yml").unlink()
     text = TUTORIAL.replace("expect:\n", "expect:\n  - max_speed: {linear: 40}\n")
     assert text != TUTORIAL
-    write(repository / "simulation/a.sim.yml", text)
+    leave(repository, text)
     result = run_template("prove", event_name="workflow_dispatch")
     assert result.conclusion == "success", result.jobs["prove"].log
     summary = result.jobs["prove"].summary
@@ -203,8 +204,7 @@ def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: P
     whole = run_template("sharded")
     assert (whole.conclusion, whole.jobs["merge"].result) == ("failure", "failure")
     assert len(whole.jobs["shard"].runs) == 3
-    names = [outcome["file"] for outcome in joined(whole)["outcomes"]]  # type: ignore[attr-defined]  # results.json
-    assert names == [f"simulation/{name}.sim.yml" for name in "abcd"]
+    assert joined(whole) == [f"simulation/{name}.sim.yml" for name in "abcd"]
     assert "1 of 4 scenarios did not pass" in whole.jobs["merge"].summary
 
 
@@ -212,9 +212,7 @@ def test_shards_that_are_lost_are_missed(run_template: RunTemplate) -> None:
     lost = {"plan": JobResult("failure"), "shard": JobResult("skipped")}
     result = run_template("sharded", done=lost)
     assert result.jobs["merge"].result == "failure"
-    assert [outcome["file"] for outcome in joined(result)["outcomes"]] == [  # type: ignore[attr-defined]  # results.json
-        f"simulation/{name}.sim.yml" for name in "abcd"
-    ]
+    assert joined(result) == [f"simulation/{name}.sim.yml" for name in "abcd"]
     assert "4 of 4 scenarios did not pass" in result.jobs["merge"].summary
 
 
@@ -253,8 +251,7 @@ def test_rostest(run_template: RunTemplate, repository: Path) -> None:
         (package / file).write_text(text.replace("robot_driver", "my_turtlebot_sim"), encoding="utf-8")
     result = run_template("ros1")
     assert result.conclusion == "success", result.jobs["rostest"].log
-    [outcome] = json.loads((result.artifacts / "sim-results/results.json").read_text(encoding="utf-8"))["outcomes"]
-    assert outcome["file"] == "catkin_ws/src/my_turtlebot_sim/my_turtlebot_sim.test"
+    assert joined(result) == ["catkin_ws/src/my_turtlebot_sim/my_turtlebot_sim.test"]
 
 
 @needs_ros2
@@ -291,7 +288,6 @@ def test_all_examples_pass_in_every_job_of_this_repositorys_own_workflow(tmp_pat
 
 
 def failed_jobs(result: WorkflowResult) -> dict[str, str]:
-    """The logs of the jobs that have failed, by their names."""
     return {name: job.log for name, job in result.jobs.items() if job.result != "success"}
 
 

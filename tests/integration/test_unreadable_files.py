@@ -14,6 +14,8 @@ import pytest
 
 from sim_action.cli.main import call
 from sim_action.results.results_json import Results
+from tests.integration.hostile_files import BOX, MAP, PGM, SDF
+from tests.integration.hostile_files import URDF as HOSTILE_URDF
 from tests.mesh_files import dae, obj, stl
 
 GOOD: Final = """\
@@ -22,18 +24,7 @@ robot: {model: turtlebot3_burger}
 expect: [upright: {max_tilt: 20 deg}]
 time_limit: 0.1 s
 """
-URDF: Final = """\
-<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="b">
-  <inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry>SHAPE</geometry></collision>
-</link></robot>
-"""
-BOX: Final = '<box size="1 1 1"/>'
-SDF: Final = """\
-<sdf version="1.9"><model name="a"><link name="b">
-<inertial><mass>1</mass></inertial><collision name="c">
-<geometry>SHAPE</geometry></collision></link></model></sdf>
-"""
+URDF: Final = HOSTILE_URDF.replace("VISUAL", "").replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
 MJCF: Final = """\
 <mujoco><asset><mesh name="m" file="f.obj"/></asset>
 <worldbody><body><freejoint/><geom type="SHAPE mass="1"/></body></worldbody></mujoco>
@@ -41,8 +32,6 @@ MJCF: Final = """\
 GOLDEN: Final = (
     "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n0,0,0,0,0\n0.1,0,0,0,0\n"
 )
-MAP: Final = "image: m.pgm\nresolution: 0.1\norigin: [5, 5, 0]\n"
-PGM: Final = b"P5 2 2 255\n\0\xff\xff\xff"
 CONTROLLER: Final = "def control(observation):\n    return None\n"
 ASSERTION: Final = """\
 from sim_action import Verdict
@@ -57,14 +46,9 @@ Files = dict[str, str | bytes]
 
 
 def scenario(**keys: str) -> str:
-    """As the good one, with other keys."""
-    known = {
-        "name": "s",
-        "robot": "{model: turtlebot3_burger}",
-        "expect": "[upright: {max_tilt: 20 deg}]",
-        "time_limit": "0.1 s",
-    }
-    return "".join(f"{key}: {value}\n" for key, value in (known | keys).items())
+    robot, expect = "{model: turtlebot3_burger}", "[upright: {max_tilt: 20 deg}]"
+    usual = {"name": "s", "robot": robot, "expect": expect, "time_limit": "0.1 s"}
+    return "".join(f"{key}: {value}\n" for key, value in (usual | keys).items())
 
 
 def model(name: str) -> str:
@@ -106,8 +90,10 @@ CASES: Final[dict[str, tuple[str, Files]]] = {
     "mesh": ("f.stl", {"s.sim.yml": world("mesh: {file: f.stl}"), "f.stl": stl()}),
     "heightfield": ("m.pgm", {"s.sim.yml": world("heightfield: {image: m.pgm, size: [1, 1], height: 0.1}"),
                               "m.pgm": PGM}),
-    "map": ("f.yaml", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP, "m.pgm": PGM}),
-    "map image": ("m.pgm", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP, "m.pgm": PGM}),
+    "map": ("f.yaml", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP.replace("IMAGE", "m.pgm"),
+                       "m.pgm": PGM}),
+    "map image": ("m.pgm", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP.replace("IMAGE", "m.pgm"),
+                            "m.pgm": PGM}),
     "csv log": ("f.csv", {"s.sim.yml": scenario(commands="{replay: f.csv, rate: 10 Hz}"),
                           "f.csv": "time,linear\n0,0\n"}),
     "ros log": ("f.bag", {"s.sim.yml": scenario(commands="{replay: f.bag, topic: /cmd_vel, rate: 10 Hz}"),
@@ -168,7 +154,6 @@ class Unreadable(io.BufferedReader):
     read = read1 = readinto = readline = readlines = peek = _fail
 
 
-@pytest.mark.process
 @pytest.mark.parametrize(
     ("cases", "only_below"), [([*CASES], False), (READ_BY_CHILD, True)], ids=["everywhere", "in children"]
 )

@@ -45,8 +45,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent 
 
 
 @contextmanager
-def watching(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], Callable[[str], str]]]:
-    """The process, and what waits for a line with a text in it and returns all lines until then."""
+def watching(folder: Path, *arguments: str, end: signal.Signals = signal.SIGINT) -> Iterator[Callable[[str], str]]:
+    """What waits for a line with a text in it and returns all lines until then; a signal ends the process."""
     process = subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", "--watch", *arguments],
         cwd=folder,
@@ -68,7 +68,9 @@ def watching(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[s
         return seen
 
     try:
-        yield process, until
+        yield until
+        process.send_signal(end)
+        assert process.wait() == 130
     finally:
         process.kill()
         process.wait()
@@ -78,7 +80,6 @@ def watching(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[s
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Two scenarios, one of which has a base."""
     (tmp_path / ".git").mkdir()
     write(tmp_path / "a.sim.yml", SCENARIO.format(name="first"))
     write(tmp_path / "b.sim.yml", "extends: b.base.yml\nname: second\n")
@@ -87,7 +88,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_what_is_touched_runs_again_and_what_changed_is_told(folder: Path) -> None:
-    with watching(folder) as (process, until):
+    with watching(folder) as until:
         assert "2 passed" in until("watching 3 files")
         base = SCENARIO.format(name="base").replace("expect: [{travel: {at_least: 5 cm}}]", FORBIDDEN)
         write(folder / "b.base.yml", base)
@@ -98,8 +99,6 @@ def test_what_is_touched_runs_again_and_what_changed_is_told(folder: Path) -> No
         assert "first" not in told
         write(folder / "b.base.yml", SCENARIO.format(name="base"))
         assert re.search(r"fixed +second", until("watching 3 files"))
-        process.send_signal(signal.SIGINT)
-        assert process.wait() == 130
 
 
 GATE = f"""\
@@ -111,18 +110,16 @@ gate: {{{{passes: {{{{at_least: 50 %}}}}, runs: 6}}}}
 def test_gates_are_compared_and_not_their_samples(tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
     gate = write(tmp_path / "a.sim.yml", GATE.format(name="often"))
-    with watching(tmp_path) as (process, until):
+    with watching(tmp_path) as until:
         until("watching 1 file")
         write(gate, GATE.format(name="often").replace("expect: [{travel: {at_least: 5 cm}}]", FORBIDDEN))
         told = until("watching 1 file")
         assert re.search(r"newly fails +often  a.sim.yml", told)
         assert "newly fails  often[" not in told
-        process.send_signal(signal.SIGINT)
-        assert process.wait() == 130
 
 
 def test_a_new_scenario_is_run_and_one_that_is_gone_is_not(folder: Path) -> None:
-    with watching(folder, ".") as (process, until):
+    with watching(folder, ".", end=signal.SIGTERM) as until:
         until("watching 3 files")
         write(folder / "c.sim.yml", SCENARIO.format(name="third"))
         told = until("watching 4 files")
@@ -132,12 +129,10 @@ def test_a_new_scenario_is_run_and_one_that_is_gone_is_not(folder: Path) -> None
         write(folder / "a.sim.yml", SCENARIO.format(name="first") + "tags: [quick]\n")
         told = until("watching")
         assert "changed: a.sim.yml" in told
-        process.send_signal(signal.SIGTERM)
-        assert process.wait() == 130
 
 
 def test_a_file_that_is_broken_for_a_while_is_told_and_watched_on(folder: Path) -> None:
-    with watching(folder, "a.sim.yml", "--output-dir", "out") as (process, until):
+    with watching(folder, "a.sim.yml", "--output-dir", "out") as until:
         until("watching 1 file;")
         write(folder / "a.sim.yml", "name: [")
         assert "newly fails" in until("watching 1 file;")
@@ -145,17 +140,13 @@ def test_a_file_that_is_broken_for_a_while_is_told_and_watched_on(folder: Path) 
         assert "1 passed" in until("watching 1 file;")
         results = json.loads((folder / "out/results.json").read_text(encoding="utf-8"))
         assert [outcome["status"] for outcome in results["outcomes"]] == ["passed"]
-        process.send_signal(signal.SIGINT)
-        assert process.wait() == 130
 
 
 def test_what_the_runs_write_themselves_does_not_have_them_run_for_ever(folder: Path) -> None:
     write(folder / "log.py", WRITES)
     write(folder / "a.sim.yml", SCENARIO.format(name="run.log").replace("twist: [{linear: 1.0}]", "script: log.py"))
-    with watching(folder, "a.sim.yml") as (process, until):
+    with watching(folder, "a.sim.yml") as until:
         assert "run.log changes in every run and is no longer watched" in until("no longer watched")
         until("watching 2 files")
         write(folder / "log.py", f"{WRITES}\n")
         assert "changed: log.py\n" in until("watching 2 files")
-        process.send_signal(signal.SIGINT)
-        assert process.wait() == 130
