@@ -73,6 +73,14 @@ def expecting(*entries: str) -> str:
     return LEAST.replace("  - travel: {at_least: 1.5 m}\n", "".join(f"  - {entry}\n" for entry in entries))
 
 
+def driving(
+    name: str, commands: str = "{twist: [{linear: 0.5}]}", *, at_least: str = "0.1 m", time_limit: str = "5 s"
+) -> str:
+    """The burger travels: one key in each line."""
+    head = f"name: {name}\nrobot: {{model: turtlebot3_burger}}\ncommands: {commands}\n"
+    return f"{head}expect: [{{travel: {{at_least: {at_least}}}}}]\ntime_limit: {time_limit}\n"
+
+
 def load(folder: Path, text: str | bytes) -> LoadedScenario:
     path = folder / "s.sim.yml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())

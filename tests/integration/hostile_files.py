@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from tests.mesh_files import dae, obj, stl
 
@@ -63,33 +63,28 @@ OUTSIDE: Final = "is outside the workspace"
 NOT_A_FILE: Final = "is not a regular file"
 
 
-def mjcf(name: str, asset: str, message: str = OUTSIDE, place: str = "r.xml:2", **more: object) -> Case:
+def mjcf(name: str, asset: str, message: str = OUTSIDE, place: str = "r.xml:2", **more: Any) -> Case:
     """Return a case with an MJCF model; `asset`: its assets, which begin in line 2."""
-    files = more.pop("files", {})
-    assert isinstance(files, dict)
-    text = f"<mujoco><asset>\n{asset}</asset>{BODY}</mujoco>"
-    return Case(f"mjcf {name}", message, place, {"r.xml": text, **files}, scenario=robot("r.xml"), **more)  # type: ignore[arg-type]
+    files = {"r.xml": f"<mujoco><asset>\n{asset}</asset>{BODY}</mujoco>", **more.pop("files", {})}
+    return Case(f"mjcf {name}", message, place, files, scenario=robot("r.xml"), **more)
 
 
-def urdf(name: str, shape: str, message: str = OUTSIDE, place: str = "r.urdf:3", **more: object) -> Case:
+def urdf(name: str, shape: str, message: str = OUTSIDE, place: str = "r.urdf:3", **more: Any) -> Case:
     """Return a case with a URDF whose collision shape is `shape`, in line 3."""
-    files = more.pop("files", {})
-    assert isinstance(files, dict)
-    text = URDF.replace("SHAPE", shape).replace("VISUAL", str(more.pop("visual", "")))
-    return Case(f"urdf {name}", message, place, {"r.urdf": text, **files}, scenario=robot("r.urdf"), **more)  # type: ignore[arg-type]
+    text = URDF.replace("SHAPE", shape).replace("VISUAL", more.pop("visual", ""))
+    files = {"r.urdf": text, **more.pop("files", {})}
+    return Case(f"urdf {name}", message, place, files, scenario=robot("r.urdf"), **more)
 
 
-def sdf(name: str, text: str, message: str = OUTSIDE, place: str = "r.sdf:3", **more: object) -> Case:
+def sdf(name: str, text: str, message: str = OUTSIDE, place: str = "r.sdf:3", **more: Any) -> Case:
     """Return a case with an SDF model."""
-    return Case(f"sdf {name}", message, place, {"r.sdf": text}, scenario=robot("r.sdf"), **more)  # type: ignore[arg-type]
+    return Case(f"sdf {name}", message, place, {"r.sdf": text}, scenario=robot("r.sdf"), **more)
 
 
-def world(
-    name: str, shape: Mapping[str, object], message: str = OUTSIDE, place: str = "s.sim.yml:6", **more: object
-) -> Case:
-    """Return a case with a body of the world."""
+def world(name: str, shape: Mapping[str, object], message: str = OUTSIDE, **more: Any) -> Case:
+    """Return a case with a body of the world, in line 6."""
     objects = {"world": {"objects": [{"name": "w", **shape, "pose": {"x": 9}}]}}
-    return Case(f"world {name}", message, place, scenario=objects, **more)  # type: ignore[arg-type]
+    return Case(f"world {name}", message, "s.sim.yml:6", scenario=objects, **more)
 
 
 def robot(model: str, **more: object) -> dict[str, object]:
@@ -264,8 +259,7 @@ NORMAL: Final = (
     *(urdf(f"normal {kind}", mesh(f"m.{kind}"), "", "", files={f"m.{kind}": data})
       for kind, data in {"stl": stl(), "obj": obj(), "dae": dae()}.items()),
     sdf("normal", SDF.replace("SHAPE", "<box><size>1 1 1</size></box>"), "", ""),
-    world("normal", {"map": {"file": "m.yaml"}}, "", "",
-          files={"m.yaml": MAP.replace("IMAGE", "m.pgm"), "m.pgm": PGM}),
+    world("normal", {"map": {"file": "m.yaml"}}, "", files={"m.yaml": MAP.replace("IMAGE", "m.pgm"), "m.pgm": PGM}),
     Case("normal log", "", "", {"f.csv": "time,linear\n0,0\n"},
          scenario={"commands": {"replay": "f.csv", "rate": "10 Hz"}}),
 )  # fmt: skip
@@ -322,22 +316,17 @@ def write_cases(root: Path, cases: tuple[Case, ...]) -> Path:
 
 def scenario(case: Case) -> str:
     """Return the scenario of a case: each key on a line of its own, after a first line for each of the usual ones."""
-    usual = {
-        "name": case.name,
-        "robot": {"model": "turtlebot3_burger"},
-        "expect": ["no_collision"],
-        "time_limit": "0.1 s",
-    }
-    return (
-        "{\n" + ",\n".join(f'"{key}": {json.dumps(value)}' for key, value in {**usual, **case.scenario}.items()) + "}\n"
-    )
+    usual = {"name": case.name, "robot": {"model": "turtlebot3_burger"}, "expect": ["no_collision"]}
+    keys = {**usual, "time_limit": "0.1 s", **case.scenario}
+    return "{\n" + ",\n".join(f'"{key}": {json.dumps(value)}' for key, value in keys.items()) + "}\n"
 
 
 def _write(path: Path, content: Content, outside: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(
-        content if isinstance(content, bytes) and b"OUT" not in content else _filled(content, outside).encode()
-    )
+    if isinstance(content, bytes) and b"OUT" not in content:
+        path.write_bytes(content)
+    else:
+        path.write_text(_filled(content, outside))
 
 
 def _filled(content: Content, outside: Path) -> str:

@@ -29,7 +29,7 @@ class LanguageServer:
         )
         self._requests = 0
         self._asked_for_settings = False
-        self._found: dict[str, list[dict[str, Any]]] = {}
+        self._problems: dict[str, list[dict[str, Any]]] = {}
         document = {"hover": {"contentFormat": ["markdown"]}, "completion": {}, "publishDiagnostics": {}}
         capabilities = {"textDocument": document, "workspace": {"configuration": True}}
         self._ask("initialize", {"processId": None, "rootUri": None, "capabilities": capabilities})
@@ -57,22 +57,24 @@ class LanguageServer:
         """Return the problems of documents: address -> line, from 1, and message of each."""
         for address, text in texts.items():
             self.open(address, text)
-        while not texts.keys() <= self._found.keys():
+        while not texts.keys() <= self._problems.keys():
             self._answer(self._read())
         return {
-            address: [(each["range"]["start"]["line"] + 1, each["message"]) for each in self._found[address]]
+            address: [
+                (problem["range"]["start"]["line"] + 1, problem["message"]) for problem in self._problems[address]
+            ]
             for address in texts
         }
 
     def hover(self, address: str, line: int, column: int) -> str:
         """Return the text that an open document shows at a place; both numbers count from 0."""
-        found = self._ask("textDocument/hover", _place(address, line, column))
-        return str(found["contents"]["value"]) if found else ""
+        shown = self._ask("textDocument/hover", _place(address, line, column))
+        return str(shown["contents"]["value"]) if shown else ""
 
     def completions(self, address: str, line: int, column: int) -> set[str]:
         """Return the labels that are offered at a place of an open document."""
-        found = self._ask("textDocument/completion", _place(address, line, column))
-        return {item["label"] for item in found["items"]}
+        items = self._ask("textDocument/completion", _place(address, line, column))["items"]
+        return {item["label"] for item in items}
 
     def _ask(self, method: str, parameters: object) -> Any:
         self._requests += 1
@@ -87,7 +89,7 @@ class LanguageServer:
         """Handle what the server says by itself."""
         method, parameters = message.get("method"), message.get("params", {})
         if method == "textDocument/publishDiagnostics":
-            self._found[parameters["uri"]] = parameters["diagnostics"]
+            self._problems[parameters["uri"]] = parameters["diagnostics"]
         elif method == "workspace/configuration":
             sections = [self._settings.get(item["section"], {}) for item in parameters["items"]]
             self._send({"id": message["id"], "result": sections})

@@ -9,13 +9,12 @@ from typing import Any
 import pytest
 
 from sim_action import robot as models
-from tests.integration.engines import at, on_every_engine, scene_of, travelled
+from tests.integration.engines import on_every_engine
 from tests.physics import robots
 from tests.simulated import simulated
 
 pytestmark = on_every_engine
 CUBE = "box: [0.2, 0.2, 0.2]"
-G = 9.80665
 MOMENTS = (0.01, 0.01, 0.01)  # kg m^2
 BALL = robots.robot(robots.link("base", robots.inertial(2.0, MOMENTS)))
 ROD = robots.inertial(1.0, MOMENTS, (0.0, 0.0, -0.5))
@@ -92,13 +91,3 @@ def test_a_note_says_how_far_wheels_with_little_friction_slipped(engine: str, tm
     assert run.travelled <= moved * 1.02
     assert moved < 0.9 * rolled
     assert slid > rolled - moved - 0.02
-
-
-@pytest.mark.parametrize(("rate", "short_mm"), [(240.0, 24.5), (960.0, 6.1)])
-def test_a_fall_is_short_by_half_a_step_of_its_speed(engine: str, rate: float, short_mm: float, tmp_path: Path) -> None:
-    seconds = 1.2
-    trace = travelled(engine, scene_of(tmp_path, BALL, at(50.0), rate=rate), round(seconds * rate))
-    fallen = 50.0 - float(trace.base_position_xyz[-1, 2])
-    assert fallen - G * seconds**2 / 2 == pytest.approx(G * seconds / rate / 2, rel=1e-3)
-    assert 1e3 * (fallen - G * seconds**2 / 2) == pytest.approx(short_mm, abs=0.05)
-    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-G * seconds, rel=1e-6)

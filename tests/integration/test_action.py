@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -17,7 +16,7 @@ import yaml
 from tests.app.test_margins import PUSHED
 from tests.integration.conftest import ACTION, ASSERTION_LINE, INVALID, STUCK, TUTORIAL, counts, environment, write
 from tests.integration.github import Runner
-from tests.patience import PATIENCE
+from tests.patience import PATIENCE, wait_until
 from tests.soak import soaked
 
 
@@ -46,8 +45,8 @@ def test_failure_says_how_far_it_got_on_the_line_of_the_assertion(runner: Runner
     assert float(result.outputs["travelled"]) < 0.01
     [annotation] = result.annotations
     assert (annotation.level, annotation.file, annotation.line) == ("error", "my robot/stuck.sim.yml", ASSERTION_LINE)
-    told = r"travelled 0\.00\d* m of 1\.5 m in 30\.0 s \(replay at 30\.00 s: report\.html#scenario=[\w%]+&t=30\)"
-    assert re.fullmatch(told, annotation.message)
+    words = r"travelled 0\.00\d* m of 1\.5 m in 30\.0 s \(replay at 30\.00 s: report\.html#scenario=[\w%]+&t=30\)"
+    assert re.fullmatch(words, annotation.message)
     assert annotation.message.partition(" (")[0] in result.summary
 
 
@@ -86,34 +85,26 @@ def test_the_input_margins_is_a_gate_with_reports_of_its_own(runner: Runner) -> 
     [annotation] = missed.annotations
     assert (annotation.file, annotation.line) == ("push.sim.yml", 6)
     assert annotation.message.startswith("fails already at 0.3057, 38.9 % below 0.5; 80 % below 0.5 was asked: object")
-    for told in (annotation.message, "` push: ", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
-        assert told in missed.summary
+    for text in (annotation.message, "` push: ", "sim-action margins --at-least=friction=0.4 push.sim.yml"):
+        assert text in missed.summary
+
+
+STARTED = '"event":"started"'
 
 
 @pytest.mark.parametrize("forgiving", soaked(["true", "false"], short=["true"]))
 def test_cancelled_workflow_gets_its_reports(runner: Runner, forgiving: str) -> None:
-    endless = STUCK.replace("30 s", "80000 s")
-    write(runner.workspace / "endless.sim.yml", endless)
-    inputs = {
-        name: str(spec["default"])
-        for name, spec in yaml.safe_load((ACTION / "action.yml").read_text())["inputs"].items()
-    }
+    write(runner.workspace / "endless.sim.yml", STUCK.replace("30 s", "80000 s"))
+    stated = yaml.safe_load((ACTION / "action.yml").read_text())["inputs"].items()
+    inputs = {name: str(spec["default"]) for name, spec in stated}
     inputs |= {"scenario": "endless.sim.yml", "output-directory": "out", "fail-on-failure": forgiving}
-    variables = {
-        **os.environ,
-        "PYTHONPATH": str(ACTION),
-        **{f"INPUT_{name.upper().replace('-', '_')}": value for name, value in inputs.items()},
-    }
+    variables = {**os.environ, "PYTHONPATH": str(ACTION)}
+    variables |= {f"INPUT_{name.upper().replace('-', '_')}": value for name, value in inputs.items()}
     command: list[str | Path] = [environment(runner.temp) / "bin/python", "-P", ACTION / "action/run.py", "run"]
+    journal = runner.workspace / "out/results.jsonl"
     with subprocess.Popen(command, cwd=runner.workspace, env=variables) as process:
-        wait_until_it_runs(process, runner.workspace / "out/results.jsonl")
+        wait_until(lambda: process.poll() is not None or (journal.exists() and STARTED in journal.read_text()))
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=PATIENCE) == 130
     [outcome] = json.loads((runner.workspace / "out/results.json").read_text(encoding="utf-8"))["outcomes"]
     assert outcome["failures"][0]["kind"] == "interrupted"
-
-
-def wait_until_it_runs(process: subprocess.Popen[bytes], journal: Path) -> None:
-    while not (journal.is_file() and '"event":"started"' in journal.read_text(encoding="utf-8")):
-        assert process.poll() is None
-        time.sleep(0.05)

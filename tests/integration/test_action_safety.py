@@ -27,29 +27,14 @@ HOSTILE = [
     "spaces  in it, and \u00fcn\u00efc\u00f6d\u00e9 \U0001f916",
     "<script>alert(1)</script>&amp;",
 ]
-CHOICES = [
-    "junit-strict",
-    "seed",
-    "jobs",
-    "shard",
-    "summary",
-    "annotations",
-    "fail-on-failure",
-    "cache",
-    "allow-scripts",
-]
-HOSTILE_CHOICES = [
-    "$(touch pwned)",
-    "'; touch pwned #",
-    "true\n::error::forged\n##[error]forged",
-    "${{ github.token }}",
-]
+FLAGS = ["junit-strict", "seed", "jobs", "shard", "summary", "annotations", "fail-on-failure", "cache", "allow-scripts"]
+HOSTILE_CHOICES = [*HOSTILE[:2], "true\n::error::forged\n##[error]forged", HOSTILE[4]]
 CHATTER = "::error::forged\n##[error]forged\n::set-output name=conclusion::forged\n::stop-commands::forged\n"
 
 
 ALL_HOSTILE = "/".join([HOSTILE[5], *HOSTILE[:5], *HOSTILE[6:]])
-ALL_CHOICES = dict(zip(CHOICES, itertools.cycle(HOSTILE_CHOICES), strict=False))
-HOSTILE_BY_CHOICE = [{name: text} for name, text in itertools.product(CHOICES, HOSTILE_CHOICES)]
+ALL_CHOICES = dict(zip(FLAGS, itertools.cycle(HOSTILE_CHOICES), strict=False))
+HOSTILE_BY_CHOICE = [{name: text} for name, text in itertools.product(FLAGS, HOSTILE_CHOICES)]
 
 
 @pytest.mark.parametrize("text", soaked([ALL_HOSTILE, *HOSTILE], short=[ALL_HOSTILE]))
@@ -62,25 +47,22 @@ def test_paths_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
     assert_harmless(as_folder, runner)
 
 
-@pytest.mark.parametrize("text", soaked(["\n".join(HOSTILE), *HOSTILE], short=["\n".join(HOSTILE)]))
-def test_scenarios_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    as_scenario = runner.run(ACTION, {"scenario": text})
-    assert as_scenario.exit_code in {2, 5}, as_scenario.log
-    assert_harmless(as_scenario, runner)
-
-
-@pytest.mark.parametrize("text", soaked([ALL_HOSTILE, *HOSTILE], short=[ALL_HOSTILE]))
-def test_missing_folders_are_paths_whatever_is_in_them(runner: Runner, text: str) -> None:
-    write(runner.workspace / "straight.sim.yml", TUTORIAL)
-    as_missing_folder = runner.run(ACTION, folders(text))
-    assert as_missing_folder.exit_code == 2
-    assert_harmless(as_missing_folder, runner)
-
-
 def folders(text: str) -> dict[str, str]:
     """Inputs that name folders and files."""
     return {"working-directory": text, "output-directory": f"{text}/out", "junit-path": f"{text}/junit.xml"}
+
+
+ALL_SCENARIOS = {"scenario": "\n".join(HOSTILE)}
+MISSING = [ALL_SCENARIOS, *({"scenario": text} for text in HOSTILE)]
+MISSING += [folders(text) for text in (ALL_HOSTILE, *HOSTILE)]
+
+
+@pytest.mark.parametrize("inputs", soaked(MISSING, short=[ALL_SCENARIOS, folders(ALL_HOSTILE)]))
+def test_missing_scenarios_and_folders_are_paths_whatever_is_in_them(runner: Runner, inputs: dict[str, str]) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    result = runner.run(ACTION, inputs)
+    assert result.exit_code in ({2, 5} if "scenario" in inputs else {2}), result.log
+    assert_harmless(result, runner)
 
 
 @pytest.mark.parametrize("choices", soaked([ALL_CHOICES, *HOSTILE_BY_CHOICE], short=[ALL_CHOICES]))
@@ -98,7 +80,7 @@ def assert_harmless(result: ActionResult, runner: Runner) -> None:
     assert "Usage: sim-action [OPTIONS]" not in result.log
     assert "##[" not in result.log
     assert "forged" not in {annotation.message for annotation in result.annotations}
-    assert result.outputs["conclusion"] in {"", "success", "failure"}
+    assert result.outputs.get("conclusion", "") in {"", "success", "failure"}
 
 
 def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
@@ -106,10 +88,9 @@ def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
     write(runner.workspace / "box.urdf", model)
     write(runner.workspace / "controller.py", f"def control(observation):\n    print({CHATTER!r})\n    return None\n")
     for number, text in enumerate([*HOSTILE, "::error::forged", "::stop-commands::forged"]):
-        folder = runner.workspace / text / "below"
-        write(folder / f"{text}.sim.yml", STUCK.replace("30 s", "1 s"))
-        named = STUCK.replace("30 s", "1 s").replace("burger drives straight", json.dumps(f"{text}|{number}"))
-        write(folder / "named.sim.yml", named)
+        folder, short = runner.workspace / text / "below", STUCK.replace("30 s", "1 s")
+        write(folder / f"{text}.sim.yml", short)
+        write(folder / "named.sim.yml", short.replace("burger drives straight", json.dumps(f"{text}|{number}")))
     write(runner.workspace / "box.sim.yml", SCRIPTED)
     result = runner.run(ACTION)
     assert result.exit_code == 2, result.log
@@ -187,6 +168,4 @@ def test_inputs_of_matrix_and_merge_are_text(runner: Runner, text: str) -> None:
     joined = runner.run(ACTION / "merge", paths)
     assert joined.exit_code == 2
     for result in (dealt, joined):
-        assert not list(runner.workspace.rglob("pwned"))
-        assert "##[" not in result.log
-        assert "forged" not in {annotation.message for annotation in result.annotations}
+        assert_harmless(result, runner)

@@ -15,11 +15,11 @@ from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.sensors import Mount
 from sim_action.sensors.camera import Camera
-from sim_action.simulation.loop import SimulationRun
 from sim_action.state.readings import CameraImage
 from sim_action.world import Body, Cylinder, Sphere, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
+from tests.physics.robots import collision, inertial, joint, link, robot
 from tests.scenarios import LEAST
 from tests.sensors.stubs import sight_of
 from tests.simulated import simulated
@@ -27,19 +27,15 @@ from tests.simulated import simulated
 CAMERA = Camera(width=160, height=120, field_of_view=math.radians(60), far=20.0)
 FOCAL = 80 / math.tan(math.radians(30))
 RED = (1.0, 0.0, 0.0)
+WIDE = 'lower="-3" upper="3" effort="100" velocity="10"'
 # A post that is bolted down, with an arm that turns about the upright; its camera is at the height of 1 m.
-POST = """
-<robot name="post">
-  <link name="world"/>
-  <joint name="pan" type="revolute"><parent link="world"/><child link="head"/><origin xyz="0.5 0 1"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="100" velocity="10"/></joint>
-  <link name="head"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <joint name="reach" type="fixed"><parent link="head"/><child link="hand"/><origin xyz="0.3 0 -0.1"/></joint>
-  <link name="hand"><inertial><mass value="0.1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.02 0.1 0.02"/></geometry></collision></link>
-</robot>
-"""
+POST = robot(
+    link("world", ""),
+    link("head", inertial(1.0, (1.0, 1.0, 1.0))),
+    link("hand", inertial(0.1, (1.0, 1.0, 1.0)) + collision('<box size="0.02 0.1 0.02"/>')),
+    joint("pan", "revolute", "world", "head", (0.5, 0.0, 1.0), axis=(0.0, 0.0, 1.0), limit=WIDE),
+    joint("reach", "fixed", "head", "hand", (0.3, 0.0, -0.1)),
+)
 
 
 def post(folder: Path, *objects: Body, pan: float = 0.0) -> Scene:
@@ -52,9 +48,9 @@ def box(**pose: float) -> Body:
 
 def picture(backend: Engine, scene: Scene, pose: Pose | None = None, camera: Camera = CAMERA) -> CameraImage:
     mount = Mount(scene, "head", pose or Pose(), 10.0, scene.generator("x"))
-    found = camera.open(mount)(sight_of(backend.observe(0, contacts=False), backend))
-    assert isinstance(found, CameraImage)
-    return found
+    image = camera.open(mount)(sight_of(backend.observe(0, contacts=False), backend))
+    assert isinstance(image, CameraImage)
+    return image
 
 
 def shown(engine: str, scene: Scene, pose: Pose | None = None, camera: Camera = CAMERA) -> CameraImage:
@@ -64,8 +60,7 @@ def shown(engine: str, scene: Scene, pose: Pose | None = None, camera: Camera = 
 
 def is_red(image: CameraImage) -> np.ndarray:
     red, green, _ = np.moveaxis(image.rgb.astype(int), 2, 0)
-    found: np.ndarray = red > 2 * green
-    return found
+    return np.asarray(red > 2 * green)
 
 
 def edges(seen: np.ndarray) -> tuple[int, int, int, int]:
@@ -81,11 +76,10 @@ def test_a_box_is_where_the_pinhole_formula_has_it(engine: str, tmp_path: Path) 
     seen = is_red(image)
     assert image.depth[seen] == pytest.approx(np.full(seen.sum(), 4.0), abs=1e-6)
     # A pixel is red if its middle is on the face.
-    top, bottom = 60 - FOCAL * 0.4 / 4, 60 + FOCAL * 0.6 / 4
-    left, right = 80 - FOCAL * 0.8 / 4, 80 + FOCAL * 0.2 / 4
-    expected = (top, bottom - 1, left, right - 1)
-    assert edges(seen) == tuple(math.ceil(edge - 0.5) for edge in expected)
-    assert seen.sum() == (edges(seen)[1] - edges(seen)[0] + 1) * (edges(seen)[3] - edges(seen)[2] + 1)
+    lines = (60 - FOCAL * 0.4 / 4, 59 + FOCAL * 0.6 / 4, 80 - FOCAL * 0.8 / 4, 79 + FOCAL * 0.2 / 4)
+    top, bottom, left, right = (math.ceil(line - 0.5) for line in lines)
+    assert edges(seen) == (top, bottom, left, right)
+    assert seen.sum() == (bottom - top + 1) * (right - left + 1)
 
 
 @on_every_engine
@@ -124,12 +118,9 @@ def test_a_ball_is_where_it_is_seen_from_a_mount_that_is_turned(
 
 def turned(roll: float, pitch: float, yaw: float) -> np.ndarray:
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in (roll, pitch, yaw))
-    about_x, about_y = (
-        np.array([(1, 0, 0), (0, cr, -sr), (0, sr, cr)]),
-        np.array([(cp, 0, sp), (0, 1, 0), (-sp, 0, cp)]),
-    )
-    matrix: np.ndarray = np.array([(cy, -sy, 0), (sy, cy, 0), (0, 0, 1)]) @ about_y @ about_x
-    return matrix
+    about_x = np.array([(1, 0, 0), (0, cr, -sr), (0, sr, cr)])
+    about_y = np.array([(cp, 0, sp), (0, 1, 0), (-sp, 0, cp)])
+    return np.asarray(np.array([(cy, -sy, 0), (sy, cy, 0), (0, 0, 1)]) @ about_y @ about_x)
 
 
 @on_every_engine
@@ -167,13 +158,10 @@ sensors:
 TUMBLING = "world: {objects: [{name: ball, sphere: {radius: 0.2}, mass: 1, pose: {x: 0.8, y: 0.1, z: 1}}]}\n"
 
 
-def run(folder: Path, text: str, engine: str) -> SimulationRun:
-    return simulated(folder, f"{text}{TUMBLING}backend: {engine}\n".replace("1.5 m", "50 cm"))
-
-
 @pytest.mark.parametrize("engine", installed())
 def test_sensors_change_nothing_and_pictures_are_repeatable_bit_by_bit(engine: str, tmp_path: Path) -> None:
-    blind, first, second = (run(tmp_path, LEAST + sensors, engine) for sensors in ("", SENSORS, SENSORS))
+    text = f"{LEAST}{TUMBLING}backend: {engine}\n".replace("1.5 m", "50 cm")
+    blind, first, second = (simulated(tmp_path, text + sensors) for sensors in ("", SENSORS, SENSORS))
     assert blind.digest == first.digest == second.digest
     for name, column in first.trace.sensors["eye"].columns.items():
         assert len(column) > 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import subprocess
 import sys
 from functools import partial
@@ -16,22 +17,16 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.results.output_folder import locked
+from sim_action.results.results_json import Results
 from tests.integration.conftest import ACTION, interpreter, outcomes, outside_of_github, sim_action
+from tests.scenarios import LEAST, driving
 from tests.soak import soaked
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ACTION)}
 
-VALID = """\
-name: {name}
-robot: {{model: turtlebot3_burger}}
-commands: {{twist: [{{linear: 1.0}}]}}
-expect: [{{travel: {{at_least: 5 cm}}}}]
-time_limit: 3 s
-"""
-
 
 def changed(before: str, after: str) -> str:
-    text = VALID.format(name="changed")
+    text = driving("changed")
     assert before in text
     return text.replace(before, after)
 
@@ -39,12 +34,12 @@ def changed(before: str, after: str) -> str:
 BAD = {
     "empty": "",
     "not-yaml": "name: [",
-    "duplicate-key": changed("time_limit: 3 s", "time_limit: 3 s\ntime_limit: 4 s"),
+    "duplicate-key": changed("time_limit: 5 s", "time_limit: 5 s\ntime_limit: 4 s"),
     "unknown-key": changed("time_limit", "time_limt"),
     "wrong-type": changed("robot: {model: turtlebot3_burger}", "robot: [1, 2]"),
-    "negative-time": changed("3 s", "-3 s"),
-    "nan": changed("3 s", ".nan"),
-    "wrong-unit": changed("3 s", "3 kg"),
+    "negative-time": changed("5 s", "-5 s"),
+    "nan": changed("5 s", ".nan"),
+    "wrong-unit": changed("5 s", "5 kg"),
     "unknown-robot": changed("turtlebot3_burger", "turtlebot3_burgr"),
     "no-model-file": changed("turtlebot3_burger", "missing.urdf"),
     "outside": changed("turtlebot3_burger", "../../../../etc/passwd"),
@@ -73,7 +68,7 @@ def bad_run(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     with (folder / "huge.sim.yml").open("wb") as huge:
         huge.truncate(100_000_000)
     for number, name in enumerate(VALID_NAMES, 1):
-        (folder / f"good-{number}.sim.yml").write_text(VALID.format(name=f"'{name}'"))
+        (folder / f"good-{number}.sim.yml").write_text(driving(f"'{name}'"))
     (folder / "summary.md").touch()
     github = {"GITHUB_ACTIONS": "true", "GITHUB_STEP_SUMMARY": str(folder / "summary.md")}
     return folder, sim_action(folder, "run", ".", "missing.sim.yml", **github)
@@ -105,12 +100,12 @@ def test_each_bad_file_has_an_error_with_its_place_in_every_report(bad_run: Ran)
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a scenario that passes."""
-    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    (tmp_path / "a.sim.yml").write_text(driving("a"))
     return tmp_path
 
 
 def test_validate_prints_the_warnings_of_the_audit(tmp_path: Path) -> None:
-    text = VALID.format(name="a").replace("expect: [", "expect: [no_collision, ")
+    text = driving("a").replace("expect: [", "expect: [no_collision, ")
     (tmp_path / "a.sim.yml").write_text(f"{text}variations: {{robot.pose.x: [0, 1]}}\n")
     checked = sim_action(tmp_path, "validate", "a.sim.yml")
     assert checked.returncode == 0
@@ -201,7 +196,7 @@ def control(observation):
 def test_a_run_begins_without_the_files_of_the_earlier_one(folder: Path) -> None:
     assert sim_action(folder, "run", "--record", "csv", "--junit", "sim-results/mine.xml").returncode == 0
     (folder / "sim-results/traces/mine.npz").touch()
-    (folder / "b.sim.yml").write_text(VALID.format(name="b").replace("{twist: [{linear: 1.0}]}", "{script: b.py}"))
+    (folder / "b.sim.yml").write_text(driving("b", "{script: b.py}"))
     (folder / "b.py").write_text(LISTS_FILES)
     assert sim_action(folder, "run", "b.sim.yml", "--junit", "sim-results/mine.xml").returncode == 0
     kept = {"sim-results/.gitignore", "sim-results/.sim-action.lock", "sim-results/results.jsonl"}
@@ -210,7 +205,7 @@ def test_a_run_begins_without_the_files_of_the_earlier_one(folder: Path) -> None
 
 def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
     for name in (b"odd-\xff.sim.yml", b"bad-\xff.sim.yml"):
-        (tmp_path / os.fsdecode(name)).write_text(VALID.format(name="odd") if name.startswith(b"odd") else "")
+        (tmp_path / os.fsdecode(name)).write_text(driving("odd") if name.startswith(b"odd") else "")
     ran = sim_action(tmp_path, "run", ".")
     assert ran.returncode == 2, ran.stderr
     statuses = {outcome["file"]: outcome["status"] for outcome in outcomes(tmp_path)}
@@ -227,7 +222,7 @@ def test_a_pattern_that_finds_nothing_is_no_pass(folder: Path) -> None:
 
 
 def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
-    (tmp_path / "a b.sim.yml").write_text(VALID.format(name="with spaces"))
+    (tmp_path / "a b.sim.yml").write_text(driving("with spaces"))
     ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")
     assert ran.returncode == 0, ran.stderr
     written = {path.name for path in (tmp_path / "out put").iterdir()}
@@ -236,7 +231,7 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
 
 
 def test_the_seed_that_was_typed_counts_for_all_and_is_told(folder: Path) -> None:
-    (folder / "b.sim.yml").write_text(VALID.format(name="b") + "seed: 7\n")
+    (folder / "b.sim.yml").write_text(driving("b") + "seed: 7\n")
     for flags, seeds in (([], [0, 7]), (["--seed", "3"], [3, 3])):
         assert sim_action(folder, "run", *flags).returncode == 0
         assert [outcome["seed"] for outcome in outcomes(folder)] == seeds
@@ -278,3 +273,109 @@ def test_only_what_is_needed_is_imported(arguments: tuple[str, ...], unneeded: s
     code = "import sys\nfrom sim_action.cli.main import call\ncall(sys.argv[1:])\nprint(*sys.modules)"
     ran = interpreter(folder, "-c", code, *arguments, env=outside_of_github({}))
     assert not set(ran.stdout.splitlines()[-1].split()) & unneeded
+
+
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
+
+
+def doctor(**variables: str) -> tuple[int, dict[str, tuple[str, str]]]:
+    """The exit code, and name -> mark and text, below half of the address space that a scenario may use."""
+    ran = subprocess.run(
+        [sys.executable, "-m", "sim_action", "doctor"],
+        env=outside_of_github(variables),
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30)),
+    )
+    assert ran.stderr == ""
+    lines = ran.stdout.splitlines()
+    return ran.returncode, {line[3:19].strip(): (line[:3].strip(), line[20:]) for line in lines}
+
+
+@on_linux
+def test_engines_drive_a_robot_and_limits_and_folders_are_told(tmp_path: Path) -> None:
+    code, told = doctor(TMPDIR=str(tmp_path), XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert code == 0
+    for engine in installed():
+        mark, text = told[engine]
+        assert (mark, text.rpartition(": ")[2]) == ("ok", "a robot drove")
+    assert {"sim-action", "mcap", "parallel runs", "temporary files", "cache", "ROS 1", "ROS 2"} <= set(told)
+    # Scenarios run all the same.
+    assert told["memory"][0] == "-"
+    assert told["memory"][1].startswith("2 GiB of address space, and a scenario may use 4")
+    assert told["temporary files"][1].startswith(f"{tmp_path}, ")
+    assert told["cache"] == ("ok", f"0 MB of hulls of meshes in {tmp_path / 'cache/sim-action'}")
+
+
+@on_linux
+def test_a_missing_engine_and_a_missing_extra_say_how_to_get_them(tmp_path: Path) -> None:
+    for name in ("mujoco", "mcap"):
+        (tmp_path / name).mkdir()
+    # An import that finds nothing there: as if neither was installed.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import importlib.util as util\n"
+        "find = util.find_spec\n"
+        "util.find_spec = lambda name, package=None: None if name in ('mujoco', 'mcap') else find(name, package)\n"
+    )
+    _, told = doctor(PYTHONPATH=f"{tmp_path}:{ACTION}")
+    assert told["mujoco"] == ("-", "not installed; pip install mujoco-core")
+    assert told["mcap"][1].startswith("not installed; pip install 'sim-action[mcap]' adds recordings")
+
+
+# An assertion whose check is at fault, in the table as a contributor would put it there.
+FAULTY = """
+import sys
+from typing import ClassVar
+
+from sim_action.assertions import ASSERTIONS
+from sim_action.assertions.upright import Upright
+from sim_action.cli.main import call
+
+
+class Faulty(Upright):
+    key: ClassVar[str] = "faulty"
+
+    def problems(self, scene):
+        yield {}["nowhere"]
+
+
+if __name__ == "__main__":
+    ASSERTIONS.paths["faulty"] = "faulty:Faulty"
+    sys.exit(call(sys.argv[1:]))
+"""
+SAID = "an internal error of sim-action: KeyError: 'nowhere'; please report it"
+
+
+@pytest.fixture
+def with_a_fault(tmp_path: Path) -> Path:
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    for name, expected in (("a", "upright"), ("b", "faulty"), ("c", "upright: {max_tilt: 1 m}")):
+        text = LEAST.replace("travel: {at_least: 1.5 m}", expected).replace("30 s", "0.1 s")
+        (tmp_path / f"{name}.sim.yml").write_text(text)
+    return tmp_path
+
+
+def called(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return interpreter(folder, "faulty.py", *arguments, env={"PYTHONPATH": str(ACTION)})
+
+
+def test_a_fault_of_sim_action_in_a_check_is_an_error_of_that_scenario_and_the_others_run(with_a_fault: Path) -> None:
+    assert called(with_a_fault, "run").returncode == 3
+    results = Results.read(with_a_fault / "sim-results/results.json")
+    passed, faulty, invalid = results.outcomes
+    assert [outcome.status for outcome in results.outcomes] == ["passed", "error", "error"]
+    assert (passed.exit_code, faulty.exit_code, invalid.exit_code) == (0, 3, 2)
+    (failure,) = faulty.failures
+    assert (faulty.name, faulty.file) == ("burger drives straight", "b.sim.yml")
+    assert (failure.kind, failure.title, failure.message) == ("internal", "internal error", SAID)
+    assert failure.details.startswith("Traceback (most recent call last):\n")
+    assert "in problems\n" in failure.details
+
+
+def test_validate_reports_such_a_fault_beside_what_is_invalid(with_a_fault: Path) -> None:
+    validated = called(with_a_fault, "validate")
+    assert validated.returncode == 3
+    assert f"b.sim.yml: {SAID}\nTraceback (most recent call last):\n" in validated.stdout
+    assert "c.sim.yml:9:15: expect.0.upright.max_tilt: " in validated.stdout
+    assert "1 valid, 1 invalid, 1 not checked to the end" in validated.stderr

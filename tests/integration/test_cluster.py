@@ -22,22 +22,13 @@ from sim_action.runner.cluster import dask_executor
 from sim_action.runner.isolation.process_control import processes
 from tests.integration.conftest import BOX, write
 from tests.patience import PATIENCE, wait_until
+from tests.scenarios import driving
 from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it looks for processes in /proc")
 ROOT: Final = Path(__file__).parents[2]
 ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
 
-DRIVES: Final = """\
-name: burger drives on what it finds
-robot: {{model: turtlebot3_burger}}
-commands: {{rate: 10 Hz, twist: [{{linear: 1.0}}]}}
-expect: [{{travel: {{at_least: 1.5 m}}}}]
-duration: 4 s
-time_limit: 4 s
-variations:
-  world.ground.friction: {{uniform: [0.4, 1.2], samples: {samples}}}
-"""
 SCRIPTED: Final = """\
 name: raises
 robot: {model: box.urdf}
@@ -47,6 +38,12 @@ duration: 0.5 s
 time_limit: 1 s
 """
 RAISES: Final = "def control(observation):\n    raise ValueError(__file__)\n"
+
+
+def drives(samples: int) -> str:
+    travels = driving("burger drives on what it finds", "{twist: [{linear: 1.0}]}", at_least="1.5 m", time_limit="4 s")
+    friction = f"{{uniform: [0.4, 1.2], samples: {samples}}}"
+    return f"{travels}duration: 4 s\nvariations: {{world.ground.friction: {friction}}}\n"
 
 
 def arguments(*options: str) -> list[str]:
@@ -128,7 +125,7 @@ def end_with(process: subprocess.Popen[str], number: signal.Signals) -> None:
 
 @pytest.mark.parametrize("samples", soaked((8, 200), (8,)))
 def test_results_are_those_of_a_run_without_a_cluster_also_if_a_worker_is_killed(tmp_path: Path, samples: int) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
+    (tmp_path / "drives.sim.yml").write_text(drives(samples))
     write(tmp_path / "controllers/raises.py", RAISES)
     write(tmp_path / "box.urdf", BOX)
     write(tmp_path / "raises.sim.yml", SCRIPTED)
@@ -149,7 +146,7 @@ def test_results_are_those_of_a_run_without_a_cluster_also_if_a_worker_is_killed
 
 @pytest.mark.soak
 def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
+    (tmp_path / "drives.sim.yml").write_text(drives(100))
     with started(tmp_path) as process:
         end_with(process, signal.SIGINT)
     assert process.returncode == 130
@@ -162,7 +159,7 @@ def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> N
 
 @pytest.mark.soak
 def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None:
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
+    (tmp_path / "drives.sim.yml").write_text(drives(100))
     with started(tmp_path) as process:
         end_with(process, signal.SIGKILL)
 
@@ -201,7 +198,7 @@ def worker(scheduler: str, folder: Path) -> Iterator[None]:
 
 @pytest.mark.soak
 def test_a_cluster_that_is_there_runs_scenarios_and_keeps_their_workspace(tmp_path: Path, scheduler: str) -> None:
-    project = write(tmp_path / "project/drives.sim.yml", DRIVES.format(samples=2)).parent
+    project = write(tmp_path / "project/drives.sim.yml", drives(2)).parent
     options = ("--cluster", scheduler, "--no-report", "--output-dir", "there")
     refused = run(project, *options)
     assert refused.returncode == 2
@@ -225,7 +222,7 @@ def test_a_scheduler_that_cannot_be_reached_is_refused(
 ) -> None:
     monkeypatch.setattr(dask_executor, "_CONNECT_TIMEOUT_S", 0.5)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    (tmp_path / "drives.sim.yml").write_text(drives(2))
     assert call(["run", "--cluster", address]) == 2
     printed = capsys.readouterr().err
     assert cause in printed
@@ -234,9 +231,9 @@ def test_a_scheduler_that_cannot_be_reached_is_refused(
 
 def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    (tmp_path / "drives.sim.yml").write_text(drives(2))
     gate = "gate: {passes: {at_least: 50 %, confidence: 75 %}}\n"
-    (tmp_path / "gate.sim.yml").write_text(DRIVES.format(samples=2) + gate)
+    (tmp_path / "gate.sim.yml").write_text(drives(2) + gate)
     ran = sim_action.run(["drives.sim.yml", "gate.sim.yml"], cluster="local:1", output_dir="there")
     assert ran.passed
     assert [outcome.status for outcome in ran.outcomes] == ["passed", "passed", "passed"]

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 import yaml
 
 from sim_action.engines import installed
-from tests.integration.conftest import ACTION, sim_action
+from tests.integration.conftest import ACTION, outcomes, sim_action
 from tests.integration.github import WorkflowResult, run_workflow
+from tests.integration.release_steps import git
 
 DEMO = ACTION / "examples/demo"
 WORKFLOW = ".github/workflows/simulation.yml"
@@ -33,12 +32,6 @@ BUGS = [
 
 def copied(target: Path) -> Path:
     return shutil.copytree(DEMO, target, ignore=shutil.ignore_patterns("sim-results", "__pycache__"))
-
-
-def git(repository: Path, *arguments: str) -> str:
-    identity = ("-c", "user.name=Scout", "-c", "user.email=scout@example.com", "-c", "core.autocrlf=false")
-    command = ["git", *identity, "-c", "commit.gpgsign=false", *arguments]
-    return subprocess.run(command, cwd=repository, check=True, capture_output=True, text=True).stdout
 
 
 @pytest.fixture
@@ -65,24 +58,20 @@ def test_the_demo_is_green_red_with_its_patch_and_as_before_without_it(
 ) -> None:
     green = on_all_engines(repository, tmp_path / "green", runner_temp)
     assert green.conclusion == "success", green.log
-    assert [(report.reporter, report.failures + report.errors) for report in green.reports] == [
-        ("EnricoMi/publish-unit-test-result-action", 0)
-    ]
+    [report] = green.reports
+    assert (report.reporter, report.failures, report.errors) == ("EnricoMi/publish-unit-test-result-action", 0, 0)
     git(repository, "am", "--quiet", "turn-red.patch")
-
     red = on_all_engines(repository, tmp_path / "red", runner_temp)
     assert (red.conclusion, red.jobs["comment"].result) == ("failure", "success")
     lines = (repository / "simulation/drive_to_dock.sim.yml").read_text(encoding="utf-8").splitlines()
     line = next(number for number, text in enumerate(lines, 1) if "- reach:" in text)
-    errors = [found for found in red.jobs["simulation"].annotations if found.level == "error"]
-    assert [(error.file, error.line) for error in errors] == len(installed()) * [
-        ("simulation/drive_to_dock.sim.yml", line)
-    ]
+    errors = [annotation for annotation in red.jobs["simulation"].annotations if annotation.level == "error"]
+    places = [(error.file, error.line) for error in errors]
+    assert places == len(installed()) * [("simulation/drive_to_dock.sim.yml", line)]
     assert all(re.search(r"came no closer than 3\.\d+ m to \(4, 0\) in 15\.0 s", error.message) for error in errors)
     assert [report.failures for report in red.reports] == [len(installed())]
     assert (red.artifacts / "report.html/report.html").is_file()
     assert re.search(r"^\[Replays and plots of all scenarios\]\(https://", red.jobs["simulation"].summary, re.MULTILINE)
-
     git(repository, "revert", "--no-edit", "HEAD")
     assert git(repository, "rev-parse", "HEAD^{tree}") == git(repository, "rev-parse", "HEAD~2^{tree}")
 
@@ -96,11 +85,10 @@ def test_each_expectation_of_the_demo_can_fail(tmp_path: Path) -> None:
         assert controller.count(old) == 1
         (folder / "robot/navigate.py").write_text(controller.replace(old, new), encoding="utf-8")
     sim_action(tmp_path, "run", ".")
-    outcomes = json.loads((tmp_path / "sim-results/results.json").read_text(encoding="utf-8"))["outcomes"]
     # A goal that another failure cut off has not failed by itself.
     failed = {
         (int(outcome["file"].partition("/")[0]), expectation["assertion"])
-        for outcome in outcomes
+        for outcome in outcomes(tmp_path)
         for expectation in outcome["expectations"]
         if expectation["verdict"] and not expectation["verdict"]["passed"] and not expectation["verdict"]["cut_off"]
     }

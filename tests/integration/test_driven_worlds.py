@@ -42,15 +42,10 @@ def came(run: SimulationRun) -> tuple[float, float]:
     return float(moved[0]), float(moved[2])
 
 
-def ramp(friction: float, angle: str = "10 deg") -> str:
-    shape = f"{{length: 2 m, width: 1 m, angle: {angle}}}"
-    return f"{{objects: [{{name: ramp, ramp: {shape}, pose: {{x: 1.3}}, friction: {friction}}}]}}"
-
-
 def test_stairs_stop_a_burger_and_are_what_it_touched(engine: str, tmp_path: Path) -> None:
     stairs = "{steps: 5, rise: 8 cm, run: 30 cm, width: 1 m}"
-    found = run(engine, tmp_path, world=f"{{objects: [{{name: stairs, stairs: {stairs}, pose: {{x: 1.25}}}}]}}")
-    ahead, up = came(found)
+    world = f"{{objects: [{{name: stairs, stairs: {stairs}, pose: {{x: 1.25}}}}]}}"
+    ahead, up = came(run(engine, tmp_path, world=world))
     # The foremost part of it are its wheels.
     assert ahead == pytest.approx(0.5 - 0.033, abs=0.03)
     assert abs(up) < 0.01
@@ -70,10 +65,9 @@ def test_a_robot_on_the_moon_stands_as_high_and_feels_less(engine: str, tmp_path
 
 
 def test_without_gravity_wheels_turn_and_nothing_moves(engine: str, tmp_path: Path) -> None:
-    found = run(engine, tmp_path, world="{gravity: 0}")
-    ahead, up = came(found)
-    assert (ahead, up) == pytest.approx((0, 0), abs=0.02)
-    assert not [note for note in found.notes if "not at rest" in note]
+    floats = run(engine, tmp_path, world="{gravity: 0}")
+    assert came(floats) == pytest.approx((0, 0), abs=0.02)
+    assert not [note for note in floats.notes if "not at rest" in note]
 
 
 def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_path: Path) -> None:
@@ -83,11 +77,8 @@ def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_pa
     with pytest.raises(BadStart, match=r"'ball' begins .* deep in 'wall'") as caught:
         run(engine, tmp_path, world=world)
     assert caught.value.by_keys[0][0] == ("world", "objects", 1, "pose")
-    (note,) = (
-        note
-        for note in run(engine, tmp_path, world=world, seconds=1, allow="overlapping-bodies").notes
-        if "deep" in note
-    )
+    notes = run(engine, tmp_path, world=world, seconds=1, allow="overlapping-bodies").notes
+    (note,) = (note for note in notes if "deep" in note)
     assert note.startswith("1 body begins inside another, and the engine throws it out: 'ball' begins 0.")
     lies = world.replace("z: 0.5", "z: 1.1")
     assert run(engine, tmp_path, world=lies, seconds=1).sim_time == 1
@@ -109,20 +100,6 @@ def test_a_robot_below_a_heightfield_is_told(engine: str, tmp_path: Path) -> Non
 
 ROOM = np.full((60, 60), 254)
 ROOM[[0, -1], :] = ROOM[:, [0, -1]] = 0
-
-
-def eyes(engine: str, folder: Path, world: str) -> tuple[float, float]:
-    """What a camera and a ray see ahead of the robot, in m along x from the origin of the world."""
-    found = run(engine, folder, world=world, twist="{linear: 0}", seconds=1, sensor=CAMERA)
-    depth = found.trace.sensors["camera"].columns["depth"][-1]
-    eye = found.trace.base_position_xyz[-1]
-    path = folder / "s.sim.yml"
-    with running(engine, build_scene(load_scenario(path))) as backend:
-        x, y, z = eye[0] + 0.2, eye[1], eye[2] + 0.23
-        share = backend.cast_rays((x, y, z), np.array([[x + 10, y, z]]))[0]
-    return float(eye[0] + 0.2 + depth[30, 40]), float(x + 10 * share)
-
-
 CAMERA = "{camera: {width: 81, height: 61}, pose: {x: 0.2, z: 0.23}, trace: true}"
 
 
@@ -139,6 +116,11 @@ CAMERA = "{camera: {width: 81, height: 61}, pose: {x: 0.2, z: 0.23}, trace: true
 def test_cameras_and_rays_see_what_there_is(engine: str, shape: str, at: float, tmp_path: Path) -> None:
     write_map(tmp_path, ROOM, resolution=0.05, origin=[-1, -1.5, 0])
     (tmp_path / "sheet.obj").write_text("v 0 -1 0\nv 0 1 0\nv 0 1 1\nv 0 -1 1\nf 1 2 3\nf 1 3 4\n")
-    seen = eyes(engine, tmp_path, f"{{objects: [{{name: it, {shape}}}]}}")
-    assert seen == pytest.approx((at, at), abs=0.02)
-    assert seen[0] == pytest.approx(seen[1], abs=6e-3)
+    world = f"{{objects: [{{name: it, {shape}}}]}}"
+    trace = run(engine, tmp_path, world=world, twist="{linear: 0}", seconds=1, sensor=CAMERA).trace
+    x, y, z = trace.base_position_xyz[-1] + (0.2, 0.0, 0.23)
+    seen = x + trace.sensors["camera"].columns["depth"][-1][30, 40]
+    with running(engine, build_scene(load_scenario(tmp_path / "s.sim.yml"))) as backend:
+        hit = x + 10 * backend.cast_rays((x, y, z), np.array([[x + 10, y, z]]))[0]
+    assert (seen, hit) == pytest.approx((at, at), abs=0.02)
+    assert seen == pytest.approx(hit, abs=6e-3)

@@ -45,13 +45,13 @@ def server(schemas: dict[Path, str]) -> Iterator[LanguageServer]:
 def test_an_editor_finds_no_problem_in_the_examples(server: LanguageServer) -> None:
     texts = {path.as_uri(): path.read_text(encoding="utf-8") for path in (*EXAMPLES, *BASES)}
     assert len(texts) > 50
-    found = server.problems({**texts, "file:///all.sim.yml": SCENARIO})
-    assert {address: problems for address, problems in found.items() if problems} == {}
+    by_address = server.problems({**texts, "file:///all.sim.yml": SCENARIO})
+    assert {address: problems for address, problems in by_address.items() if problems} == {}
 
 
 def test_an_editor_reports_typos_at_their_line_in_few_words(server: LanguageServer) -> None:
-    found = server.problems({f"file:///{number}.sim.yml": typo.text for number, typo in enumerate(TYPOS)})
-    for typo, problems in zip(TYPOS, found.values(), strict=True):
+    by_address = server.problems({f"file:///{number}.sim.yml": typo.text for number, typo in enumerate(TYPOS)})
+    for typo, problems in zip(TYPOS, by_address.values(), strict=True):
         is_told = any(line == typo.line and typo.message in message for line, message in problems)
         assert is_told if typo.message else not problems, (typo, problems)
         assert len(problems) <= 4, (typo, problems)
@@ -107,9 +107,10 @@ def test_the_first_line_that_init_writes_names_the_schema_for_editors(tmp_path: 
     text = scenario.read_text(encoding="utf-8")
     with LanguageServer({}) as without_settings:
         other = scenario.with_name("other.sim.yml").as_uri()
-        found = without_settings.problems({scenario.as_uri(): text, other: text.replace("time_limit", "time_limt")})
-    assert found[scenario.as_uri()] == []
-    assert "Property time_limt is not allowed." in [message for _, message in found[other]]
+        texts = {scenario.as_uri(): text, other: text.replace("time_limit", "time_limt")}
+        right, wrong = without_settings.problems(texts).values()
+    assert right == []
+    assert "Property time_limt is not allowed." in [message for _, message in wrong]
 
 
 def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
@@ -144,14 +145,10 @@ def test_ajv_compiles_the_schemas_in_its_strict_mode(schemas: dict[Path, str]) -
 
 
 def patterns(schema: Any) -> Iterator[str]:
-    if isinstance(schema, dict):
-        if isinstance(pattern := schema.get("pattern"), str):
-            yield pattern
-        for value in schema.values():
-            yield from patterns(value)
-    elif isinstance(schema, list):
-        for value in schema:
-            yield from patterns(value)
+    if isinstance(schema, dict) and isinstance(pattern := schema.get("pattern"), str):
+        yield pattern
+    for value in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from patterns(value)
 
 
 @functools.cache
@@ -191,5 +188,4 @@ def test_patterns_mean_the_same_in_python_and_in_ecmascript(matching: subprocess
     assert matching.stdout is not None
     matching.stdin.write(json.dumps(text) + "\n")
     matching.stdin.flush()
-    found = json.loads(matching.stdout.readline())
-    assert found == [bool(re.search(pattern, text)) for pattern in all_patterns()]
+    assert json.loads(matching.stdout.readline()) == [bool(re.search(pattern, text)) for pattern in all_patterns()]

@@ -1,4 +1,4 @@
-"""How far two engines are apart: at every step, of joints, links and bodies, in runs of any kind; and which one ran."""
+"""Scenarios on both engines: names, reports, which one ran, and how far they are apart at every step of any run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sim_action.state.trace_storage import load_trace
 from tests.integration.conftest import fresh_sim_action, outcomes, sim_action
 from tests.integration.engines import BALL
 from tests.physics.robots import inertial, joint, link, robot
-from tests.scenarios import LEAST
+from tests.scenarios import LEAST, driving
 from tests.soak import soaked
 
 ENGINE_NAMES = tuple(ENGINES)
@@ -241,9 +241,45 @@ def test_every_outcome_names_the_engine_that_ran(backend: str, tmp_path: Path) -
     run(tmp_path, f"{DROP}backend: {backend}\n")
     summary = tmp_path / "summary.md"
     said = sim_action(tmp_path, "run", GITHUB_STEP_SUMMARY=str(summary))
-    assert [(outcome["status"], outcome["engine"]) for outcome in outcomes(tmp_path)] == [
-        ("passed", engine),
-        ("error", engine),
-    ]
+    engines = [(outcome["status"], outcome["engine"]) for outcome in outcomes(tmp_path)]
+    assert engines == [("passed", engine), ("error", engine)]
     assert said.stdout.count(engine) == 2
     assert summary.read_text().count(engine) >= 2
+
+
+DRIVES = driving("drives", at_least="1 m")
+
+
+def test_all_engines_run_it_under_names_of_their_own_and_are_compared(tmp_path: Path) -> None:
+    code, both = run(tmp_path, DRIVES, "--backend", "all")
+    assert code == 0
+    assert [outcome["name"] for outcome in both] == ["drives [pybullet]", "drives [mujoco]"]
+    assert [outcome["engine"].split()[0] for outcome in both] == list(ENGINE_NAMES)
+    assert [len(outcome["expectations"]) for outcome in both] == [1, 2]
+    assert not both[0]["measurements"]
+    position, yaw = both[1]["measurements"]
+    assert (position["name"], yaw["name"]) == ("distance to pybullet 3.2.7", "difference in yaw to pybullet 3.2.7")
+    assert 0 < position["measured"] < 0.005
+    assert 0 < yaw["measured"] < 0.01
+    for outcome in both:
+        assert len(load_trace(tmp_path / "sim-results" / outcome["trace"])) > 10
+
+
+def test_agreement_that_was_asked_and_is_missed_fails_on_its_line(tmp_path: Path) -> None:
+    code, both = run(tmp_path, f"{DRIVES}agreement: {{position: 0.001 mm}}\n")
+    assert code == 1
+    assert [outcome["status"] for outcome in both] == ["passed", "failed"]
+    (missed,) = [one for one in both[1]["expectations"] if not one["verdict"]["passed"]]
+    assert missed["name"] == "the same position as pybullet 3.2.7"
+    assert missed["location"]["line"] == 6
+
+
+def test_each_engine_has_one_digest_alone_and_among_others(tmp_path: Path) -> None:
+    for number in range(4):
+        (tmp_path / f"{number}.sim.yml").write_text(DRIVES)
+    _, alone = run(tmp_path, DRIVES, "--backend", "all")
+    sim_action(tmp_path, "run", "--backend", "all", "--jobs", "2")
+    several = outcomes(tmp_path)
+    assert len(several) == 10
+    digests = {(outcome["engine"], outcome["digest"]) for outcome in (*alone, *several)}
+    assert len(digests) == len(ENGINE_NAMES)

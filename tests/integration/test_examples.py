@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,10 +30,7 @@ def can_run(text: str) -> bool:
 EXAMPLES = [path for path in examples.EXAMPLES if can_run(path.read_text(encoding="utf-8"))]
 
 
-def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return warm_sim_action(folder, *arguments, COLUMNS="120")
-
-
+sim_action = partial(warm_sim_action, COLUMNS="120")
 OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
 # What stands for a part that has a form of its own on each engine.
 PARTS = {"commands", "drives", "robots", "sensors", "worlds"}
@@ -45,16 +42,12 @@ SLOW = "belt_and_arm.sim.yml"
 
 def all_pass(paths: list[Path], engine: str, folder: Path) -> None:
     shutil.copytree(ROOT / "examples", folder / "examples")
-    ran = fresh_sim_action(
-        folder, "run", "--no-report", "--backend", engine, *(str(path.relative_to(ROOT)) for path in paths)
-    )
+    files = [path.relative_to(ROOT).as_posix() for path in paths]
+    ran = fresh_sim_action(folder, "run", "--no-report", "--backend", engine, *files)
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    found = outcomes(folder)
-    assert {outcome["file"] for outcome in found} == {path.relative_to(ROOT).as_posix() for path in paths}
-    assert [(outcome["name"], outcome["status"], outcome["diagnostics"]) for outcome in found] == [
-        (outcome["name"], "passed", []) for outcome in found
-    ]
-    assert [outcome["name"] for outcome in found if outcome["warnings"]] == []
+    assert {outcome["file"] for outcome in outcomes(folder)} == set(files)
+    for outcome in outcomes(folder):
+        assert (outcome["status"], outcome["diagnostics"], outcome["warnings"]) == ("passed", [], []), outcome["name"]
 
 
 WITHOUT_NODES = [path for path in EXAMPLES if path not in OF_NODES]
@@ -83,12 +76,18 @@ def test_examples_with_nodes_of_ros_pass(engine: str, tmp_path: Path) -> None:
 FOLDERS = sorted({path.relative_to(ROOT).parent.as_posix() for path in EXAMPLES})
 
 
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A folder with a copy of the examples."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    return tmp_path
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("below", FOLDERS)
-def test_every_expectation_notices_something(below: str, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+def test_every_expectation_notices_something(below: str, copied: Path) -> None:
     below_it = [str(path.relative_to(ROOT)) for path in EXAMPLES if path.parent == ROOT / below]
-    ran = fresh_sim_action(tmp_path, "prove", "--strict", *below_it)
+    ran = fresh_sim_action(copied, "prove", "--strict", *below_it)
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
@@ -106,25 +105,20 @@ FAILS_WITH = "# fails with: "
 
 # On the first engine, test_signals.py runs them.
 @pytest.mark.parametrize("engine", soaked(installed(), short=installed()[-1:]))
-def test_every_assertion_can_fail_on_every_engine(engine: str, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+def test_every_assertion_can_fail_on_every_engine(engine: str, copied: Path) -> None:
     expected = {}
     for key in ASSERTIONS:
-        path = tmp_path / f"examples/assertions/{key}.sim.yml"
-        text, line = in_failing_form(path.read_text())
-        path.write_text(text)
-        expected[f"examples/assertions/{key}.sim.yml"] = [(key, line)]
-    ran = sim_action(tmp_path, "run", "--backend", engine, *expected)
+        name = f"examples/assertions/{key}.sim.yml"
+        text, line = in_failing_form((copied / name).read_text())
+        (copied / name).write_text(text)
+        expected[name] = [(key, line)]
+    ran = sim_action(copied, "run", "--backend", engine, *expected)
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    found = {
-        outcome["file"]: [
-            (told["assertion"], told["location"]["line"])
-            for told in outcome["expectations"]
-            if not told["verdict"]["passed"]
-        ]
-        for outcome in outcomes(tmp_path)
-    }
-    assert found == expected
+    for outcome in outcomes(copied):
+        failed = [one for one in outcome["expectations"] if not one["verdict"]["passed"]]
+        places = [(one["assertion"], one["location"]["line"]) for one in failed]
+        assert places == expected.pop(outcome["file"])
+    assert not expected
 
 
 NOT_EXERCISED_WITH = "# not exercised with: "
@@ -146,18 +140,16 @@ def in_unexercised_form(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_every_assertion_can_be_left_unexercised(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+def test_every_assertion_can_be_left_unexercised(copied: Path) -> None:
     expected = {f"examples/assertions/{key}.sim.yml": key for key in ASSERTIONS}
     for name in expected:
-        path = tmp_path / name
-        text = path.read_text()
+        text = (copied / name).read_text()
         assert NOT_EXERCISED_WITH in text, name
-        path.write_text(in_unexercised_form(text))
-    ran = sim_action(tmp_path, "run", "--no-report", *expected)
+        (copied / name).write_text(in_unexercised_form(text))
+    ran = sim_action(copied, "run", "--no-report", *expected)
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    for outcome in outcomes(tmp_path):
-        judged = [(told["assertion"], told["verdict"]["judged"]["moments"]) for told in outcome["expectations"]]
+    for outcome in outcomes(copied):
+        judged = [(one["assertion"], one["verdict"]["judged"]["moments"]) for one in outcome["expectations"]]
         assert (expected.pop(outcome["file"]), 0) in judged, outcome
     assert not expected
 

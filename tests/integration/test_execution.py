@@ -22,16 +22,8 @@ from sim_action.runner.isolation.portable_child import PortableChild
 from sim_action.scenario.loading import load_scenario
 from tests.integration.marked_processes import wait_for
 from tests.pool import execute
+from tests.scenarios import driving
 from tests.soak import soaked
-
-SCENARIO = """
-name: {name}
-robot: {{model: turtlebot3_burger}}
-commands: {commands}
-expect: [{{travel: {{at_least: 0.1 m}}}}, no_collision]
-time_limit: 5 s
-wall_limit: {wall_limit} s
-"""
 
 GOOD = "{twist: [{linear: 0.5}]}"
 
@@ -41,7 +33,8 @@ def silent(event: Event) -> None: ...
 
 def scenario(folder: Path, name: str, commands: str = GOOD, wall_limit: float = 60) -> Path:
     path = folder / f"{name}.sim.yml"
-    path.write_text(SCENARIO.format(name=name, commands=commands, wall_limit=wall_limit))
+    text = driving(name, commands).replace("m}}]", "m}}, no_collision]")
+    path.write_text(f"{text}wall_limit: {wall_limit} s\n")
     return path
 
 
@@ -329,7 +322,7 @@ def test_a_robot_that_begins_inside_something_is_told_on_the_line_to_change_and_
     assert in_wall.kind == in_ground.kind == "invalid"
     assert "m inside 'wall'; move it, or world.objects[0].pose" in in_wall.message
     assert "0.02 m inside the ground" in in_ground.message
-    assert "bad.sim.yml:5" in str(in_wall.location)
+    assert "bad.sim.yml:4:" in str(in_wall.location)
 
 
 def test_a_child_that_is_killed_leaves_no_file_in_the_systems_folder(

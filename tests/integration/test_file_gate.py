@@ -13,9 +13,10 @@ import sim_action
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from tests.integration.conftest import write
 from tests.integration.faults.injection import COMPILER
 from tests.integration.faults.tracing import Traced, compiled, traced
-from tests.integration.hostile_files import CASES, NORMAL, SENTINEL, Case, write_cases
+from tests.integration.hostile_files import CASES, NORMAL, SENTINEL, Case, scenario, write_cases
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the tracer needs LD_PRELOAD, which is a feature of Linux"),
@@ -34,6 +35,10 @@ NEVER: Final = ("/etc/passwd", "/dev/zero", "/proc/N/environ")  # files of the s
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled(tmp_path_factory.mktemp("tracer"))
+
+
+def below(path: str, *folders: Path) -> bool:
+    return any(Path(path).is_relative_to(folder) for folder in folders)
 
 
 class Suite:
@@ -58,10 +63,11 @@ class Suite:
         # ROS, if it is installed, starts the Python of the system.
         places = (*sys.path, sys.prefix, sys.base_prefix, "/usr", "/opt/ros")
         installed = {Path(place).resolve() for place in places if place}
-        outside = {
-            path for path in run.opened if not any(Path(path).is_relative_to(place) for place in (*own, *installed))
+        return {
+            re.sub(r"\d+", "N", path)
+            for path in run.opened
+            if not below(path, *own, *installed) and not path.startswith("/etc/python")
         }
-        return {re.sub(r"\d+", "N", path) for path in outside if not path.startswith("/etc/python")}
 
 
 @pytest.fixture(scope="module")
@@ -74,32 +80,20 @@ def normal(library: Path, tmp_path_factory: pytest.TempPathFactory) -> Suite:
     return Suite(tmp_path_factory.mktemp("normal"), library, NORMAL)
 
 
-# --- controls: the tracer sees what it must see ---
-
-
 def test_the_tracer_sees_what_a_script_opens(library: Path, tmp_path: Path) -> None:
-    outside = tmp_path / "outside.txt"
-    outside.write_text(SENTINEL)
-    folder = tmp_path / "inside"
-    folder.mkdir()
+    """A control: it sees what it must see."""
+    outside, folder = write(tmp_path / "outside.txt", SENTINEL), tmp_path / "inside"
+    write(folder / "c.py", "def control(observation):\n    open('link.txt').read()\n")
+    write(folder / "s.sim.yml", scenario(Case("s", "", "", scenario={"commands": {"script": "c.py", "rate": "10 Hz"}})))
     (folder / "link.txt").symlink_to(outside)
-    (folder / "c.py").write_text("def control(observation):\n    open('link.txt').read()\n")
-    (folder / "s.sim.yml").write_text(
-        "name: s\nrobot: {model: turtlebot3_burger}\nexpect: [no_collision]\ntime_limit: 0.1 s\n"
-        "commands: {script: c.py, rate: 10 Hz}\n"
-    )
     run = traced(folder, library, PRIVILEGED, "-m", "sim_action", "run", ".", *SCRIPTS)
     assert run.code == 0, run.printed
     assert str(outside) in run.opened
 
 
-# --- the models ---
-
-
 def test_normal_models_run(normal: Suite) -> None:
-    assert {case.name: normal.outcomes[case.folder].status for case in NORMAL} == dict.fromkeys(
-        (case.name for case in NORMAL), "passed"
-    ), normal.run.printed
+    statuses = {case.name: normal.outcomes[case.folder].status for case in NORMAL}
+    assert set(statuses.values()) == {"passed"}, statuses
     assert not {*NEVER} & normal.foreign(normal.run)
 
 
@@ -122,9 +116,7 @@ def test_a_hostile_model_is_an_error_with_its_file_and_line(case: Case, hostile:
 def test_no_file_outside_is_opened(command: str, hostile: Suite, normal: Suite, library: Path) -> None:
     run = hostile.run if command == "run" else hostile.call(library, command)
     assert run.code == 2, run.printed
-    outside = hostile.root / "outside"
-    assert not [path for path in run.opened if Path(path).is_relative_to(outside)]
-    assert not [path for path in run.opened if Path(path).is_relative_to(hostile.workspace / ".git")]
+    assert not [path for path in run.opened if below(path, hostile.root / "outside", hostile.workspace / ".git")]
     # What is opened besides is what any run opens.
     assert hostile.foreign(run) - normal.foreign(normal.run) == set()
     assert SENTINEL not in run.printed
@@ -135,14 +127,14 @@ def test_a_link_to_a_scenario_or_to_settings_is_not_opened(library: Path, tmp_pa
     for folder in (inside / ".git", outside / ".git"):
         folder.mkdir(parents=True)
     (inside / "linked").symlink_to(outside)
-    (outside / "t.sim.yml").write_text(f"name: {SENTINEL}\n")
+    write(outside / "t.sim.yml", f"name: {SENTINEL}\n")
     for name in ("s.sim.yml", "pyproject.toml"):
         (outside / name).write_text(f"[tool.sim-action]\n{SENTINEL} = 1\n")
         (inside / name).symlink_to(outside / name)
     run = traced(inside, library, PRIVILEGED, "-m", "sim_action", "run", ".", "linked", "lin*/t*.yml")
     assert run.code == 2, run.printed
     assert run.printed.count(f"outside the workspace {inside}; allow it with --allow-outside") == 3
-    assert not [path for path in run.opened if Path(path).is_relative_to(outside)]
+    assert not [path for path in run.opened if below(path, outside)]
     assert SENTINEL not in run.printed
 
 

@@ -19,43 +19,37 @@ BLOCK: Final = "block for a scenario in this folder:\n\n"
 
 
 def inspected(folder: Path, model: str, *options: str) -> tuple[str, dict[str, Any]]:
-    text = sim_action(folder, "inspect", model, "--allow-outside", *options)
-    found = sim_action(folder, "inspect", model, "--allow-outside", "--json", *options)
-    assert (text.returncode, found.returncode) == (0, 0), text.stderr
-    block = text.stdout.split(BLOCK)[1]
-    document = json.loads(found.stdout)
+    shown, listed = (
+        sim_action(folder, "inspect", model, "--allow-outside", *options, *more) for more in ((), ("--json",))
+    )
+    assert (shown.returncode, listed.returncode) == (0, 0), shown.stderr
+    block, document = shown.stdout.split(BLOCK)[1], json.loads(listed.stdout)
     assert block.strip() == document["robot"].strip()
     return block, document
 
 
-def run(folder: Path, block: str, **rest: object) -> dict[str, Any]:
-    spec = {
-        "name": "pasted",
-        "allow": ["fixed-base"],
-        "time_limit": "2 s",
-        "expect": [{"upright": {"max_tilt": "10 deg"}}],
-        **rest,
-    }
+def assert_passes(folder: Path, block: str, **rest: object) -> None:
+    spec = {"name": "pasted", "allow": ["fixed-base"], "time_limit": "2 s", **rest}
+    spec.setdefault("expect", [{"upright": {"max_tilt": "10 deg"}}])
     (folder / "pasted.sim.yml").write_text(block + yaml.safe_dump(spec))
     ran = sim_action(folder, "run", "--allow-outside", "pasted.sim.yml")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    (outcome,) = outcomes(folder)
-    return dict(outcome)
+    assert [outcome["status"] for outcome in outcomes(folder)] == ["passed"]
 
 
 @pytest.mark.pybullet
 @pytest.mark.parametrize("known", [known for known in ROBOTS if known.name in PASTED], ids=lambda known: known.name)
 def test_the_block_of_a_robot_runs_as_it_was_pasted(known: KnownRobot, tmp_path: Path) -> None:
     packages = [f"--package={name}={folder}" for name, folder in known.robot.packages.items()]
-    block, found = inspected(tmp_path, known.path, *packages)
-    assert tuple(found["needs"]) == known.robot.allow
+    block, document = inspected(tmp_path, known.path, *packages)
+    assert tuple(document["needs"]) == known.robot.allow
     if known.robot.base == "fixed":
         # An arm that stands on the ground may fall over, so the block offers to bolt it.
         assert "  base: fixed" in block or "  # base: fixed  # if" in block
         block = block.replace("# base", "base")
     # The y axis of laikago's base points up, so it falls on its side from the pose of the block.
     rest = {"expect": [{"upright": {"max_tilt": "100 deg"}}]} if known.robot.pose.roll else {}
-    assert run(tmp_path, block, **rest)["status"] == "passed"
+    assert_passes(tmp_path, block, **rest)
 
 
 @pytest.mark.pybullet
@@ -65,17 +59,17 @@ def test_the_drive_that_is_recognised_drives(name: str, kind: str, tmp_path: Pat
     block, _ = inspected(tmp_path, known.path)
     assert f"\n  drive: {{{kind}: {{" in block
     goal = {"expect": [{"travel": {"at_least": "0.5 m"}}], "commands": {"twist": [{"linear": 0.5}]}, "time_limit": 5}
-    assert run(tmp_path, block, **goal)["status"] == "passed"
+    assert_passes(tmp_path, block, **goal)
 
 
 def test_the_block_of_a_xacro_with_packages_and_arguments_runs(tmp_path: Path) -> None:
     made = ros_workspace(tmp_path)
     model = str(made.rover.relative_to(made.root))
-    block, found = inspected(made.root, model, "--arg", "with_lidar=false", "--arg", "mass=3")
-    assert found["mass"] == 3
+    block, document = inspected(made.root, model, "--arg", "with_lidar=false", "--arg", "mass=3")
+    assert document["mass"] == 3
     assert 'args: {with_lidar: "false", mass: "3"}' in block
     goal = {"expect": [{"travel": {"at_least": "0.2 m"}}], "commands": {"twist": [{"linear": 0.5}]}}
-    assert run(made.root, block, **goal)["status"] == "passed"
+    assert_passes(made.root, block, **goal)
 
 
 def test_xacro_sees_only_the_variables_that_are_passed(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Real signals at any moment of a run: the reports are complete, or there are none at all."""
+"""Real signals at any moment of a run: the reports are complete, or there are none; a killed one leaves its journal."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
@@ -19,22 +20,16 @@ import junitparser
 import pytest
 import yaml
 
+from sim_action.results.journal import read_journal
 from sim_action.results.results_json import Results
-from tests.integration.conftest import interpreter
+from tests.integration.conftest import interpreter, sim_action
 from tests.integration.marked_processes import processes_of
 from tests.patience import PATIENCE, wait_until
+from tests.scenarios import driving
 from tests.soak import soaked
 
 ROOT: Final = Path(__file__).parents[2]
 
-QUICK: Final = """\
-name: a-quick
-robot: {model: turtlebot3_burger}
-commands: {twist: [{linear: 0.5}]}
-expect: [{travel: {at_least: 0.1 m}}]
-time_limit: 5 s
-"""
-ENDLESS: Final = QUICK.replace("a-quick", "b-endless").replace("{twist: [{linear: 0.5}]}", "{script: endless.py}")
 SCRIPT: Final = """\
 from pathlib import Path
 def control(observation):
@@ -78,9 +73,9 @@ def _signals_are_not_ignored() -> Iterator[None]:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a scenario that passes, one that never ends, and one after it."""
-    (tmp_path / "a-quick.sim.yml").write_text(QUICK)
-    (tmp_path / "b-endless.sim.yml").write_text(ENDLESS)
-    (tmp_path / "c-later.sim.yml").write_text(QUICK.replace("a-quick", "c-later"))
+    (tmp_path / "a-quick.sim.yml").write_text(driving("a-quick"))
+    (tmp_path / "b-endless.sim.yml").write_text(driving("b-endless", "{script: endless.py}"))
+    (tmp_path / "c-later.sim.yml").write_text(driving("c-later"))
     (tmp_path / "endless.py").write_text(SCRIPT)
     return tmp_path
 
@@ -250,3 +245,60 @@ def test_a_signal_at_any_moment_leaves_all_reports_or_no_file(
     else:
         # Python was not up yet: it ends, and after Ctrl-C while it prepares itself, it returns 1.
         assert code == -number or (number, code) == (signal.SIGINT, 1)
+
+
+KILLER = f"""
+import os
+from pathlib import Path
+
+def control(observation):
+    # This process, its supervisor, sim-action.
+    supervisor = Path(f"/proc/{{os.getppid()}}/stat").read_text()
+    os.kill(int(supervisor.rpartition(")")[2].split()[1]), {int(signal.SIGKILL)})
+"""
+
+
+def write(folder: Path, name: str, commands: str = "{twist: [{linear: 0.5}]}", at_least: str = "0.2 m") -> None:
+    (folder / f"{name}.sim.yml").write_text(driving(name, commands, at_least=at_least, time_limit="2 s"))
+
+
+def test_the_journal_of_a_killed_call_has_every_verdict_that_was_known_and_makes_reports(tmp_path: Path) -> None:
+    write(tmp_path, "a passes")
+    write(tmp_path, "b fails", at_least="100 m")
+    (tmp_path / "killer.py").write_text(KILLER)
+    write(tmp_path, "c kills", "{script: killer.py}")
+    write(tmp_path, "d waits")
+    assert sim_action(tmp_path, "run", "--jobs", "1").returncode == -signal.SIGKILL
+    assert not (tmp_path / "sim-results/results.json").exists()
+    recorded = read_journal(tmp_path / "sim-results")
+    assert [recorded.finished[place].outcome.status for place in (0, 1)] == ["passed", "failed"]  # type: ignore[union-attr]
+    assert recorded.finished.keys() == {0, 1}
+    made = sim_action(tmp_path, "report")
+    assert made.returncode == 130
+    assert "Traceback" not in made.stderr
+    results = Results.read(tmp_path / "sim-results/results.json")
+    assert [outcome.status for outcome in results.outcomes] == ["passed", "failed", "error", "error"]
+    messages = [outcome.failures[0].message for outcome in results.outcomes[2:]]
+    assert messages == [f"sim-action ended before this scenario {how}" for how in ("ended", "started")]
+    suites = ET.parse(tmp_path / "sim-results/junit.xml").getroot().iter("testsuite")
+    counts = {suite.get("name"): (suite.get("failures"), suite.get("errors")) for suite in suites}
+    assert counts == {"a passes": ("0", "0"), "b fails": ("1", "0"), "c kills": ("0", "1"), "d waits": ("0", "1")}
+    assert (tmp_path / "sim-results/report.html").stat().st_size > 10_000
+    assert "not finished" in made.stdout
+
+
+def test_a_folder_without_a_journal_is_an_error_of_usage(tmp_path: Path) -> None:
+    made = sim_action(tmp_path, "report", "none")
+    assert made.returncode == 2
+    assert made.stderr == "sim-action: none/results.jsonl is not a valid journal: no such file or directory\n"
+
+
+def test_reports_of_a_finished_call_are_made_again(tmp_path: Path) -> None:
+    write(tmp_path, "a passes")
+    assert sim_action(tmp_path, "run").returncode == 0
+    before = Results.read(tmp_path / "sim-results/results.json")
+    for name in ("results.json", "junit.xml", "report.html"):
+        (tmp_path / "sim-results" / name).unlink()
+    assert sim_action(tmp_path, "report", "sim-results", "--quiet").returncode == 0
+    assert Results.read(tmp_path / "sim-results/results.json") == before
+    assert (tmp_path / "sim-results/junit.xml").is_file()

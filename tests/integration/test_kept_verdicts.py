@@ -15,6 +15,7 @@ from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.integration.conftest import sim_action
+from tests.scenarios import driving
 from tests.soak import soaked
 
 DRIVES: Final = """\
@@ -28,15 +29,10 @@ def control(observation):
 ONCE: Final = "if observation.time == 0: "
 
 
-def scenario(name: str, commands: str) -> str:
-    head = f"name: {name}\nrobot: {{model: turtlebot3_burger}}\ncommands: {commands}\n"
-    return f"{head}expect: [{{travel: {{at_least: 0.1 m}}}}]\ntime_limit: 5 s\n"
-
-
 def write(folder: Path, name: str, body: str = "pass", before: str = "") -> None:
     lines = "\n".join(f"    {line}" for line in body.splitlines())
     (folder / f"{name}.py").write_text(DRIVES.format(before=before, body=lines))
-    (folder / f"{name}.sim.yml").write_text(scenario(name, f"{{script: {name}.py}}"))
+    (folder / f"{name}.sim.yml").write_text(driving(name, f"{{script: {name}.py}}"))
 
 
 def run(folder: Path, *arguments: str, code: int = 0, **environment: str) -> dict[str, Outcome]:
@@ -69,7 +65,7 @@ def test_a_script_that_removes_all_scratch_folders_harms_no_verdict(tmp_path: Pa
     remove = "for each in pathlib.Path(os.environ['TMPDIR']).glob('sim-action-*'): shutil.rmtree(each)"
     write(tmp_path, "remover", remove)
     write(tmp_path, "other", "print('printed')")
-    (tmp_path / "plain.sim.yml").write_text(scenario("plain", "{twist: [{linear: 0.5}]}"))
+    (tmp_path / "plain.sim.yml").write_text(driving("plain"))
     ended = run(tmp_path, "--jobs", "3", TMPDIR=str(scratch))
     assert {outcome.status for outcome in ended.values()} == {"passed"}
     assert "printed" in ended["other"].output

@@ -1,4 +1,4 @@
-"""`sim_action.run`, `load` and `validate` as programs call them."""
+"""`sim_action.run`, `load` and `validate` as programs call them, and gates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import sim_action
-from sim_action import Results, Scenario, load, run, validate
+from sim_action import GateOutcome, Results, Scenario, load, run, validate
 from sim_action.errors import InvalidScenario, MissingScenario, SimActionError, UsageError
 from sim_action.parts import Travel, Upright
 from sim_action.results.journal import Finished, Started
@@ -164,7 +164,7 @@ def test_copies_of_results_have_their_files() -> None:
 
 def test_numbers_of_numpy_are_whole_numbers() -> None:
     results = run(burger(), **wrong(seed=np.int64(3), jobs=np.int8(1)), report=False)
-    assert results.passed
+    assert results
     assert results[0].record.seed == 3
 
 
@@ -358,3 +358,80 @@ def test_a_program_without_a_guard_runs_scenarios_and_prints_nothing_but_its_own
     # Other libraries start a process that runs the program again.
     (folder / "program.py").write_text("import sim_action\nprint(sim_action.run('.').passed)\n")
     assert printed_by(folder, "program.py") == "False\n"
+
+
+RUNS = 7
+
+
+def slips() -> Scenario:
+    """A robot that gets no grip on some floors."""
+    passes = {"at_least": "50 %", "confidence": "75 %"}
+    return burger(
+        name="slip",
+        commands={"rate": 10, "twist": [{"linear": 0.2}]},
+        expect=[Travel(at_least=0.1)],
+        time_limit=1,
+        variations={"world.ground.friction": {"uniform": [0.001, 0.5]}},
+        gate={"passes": passes, "runs": RUNS},
+    )
+
+
+@pytest.fixture(scope="module")
+def with_gate() -> Results:
+    return run([slips(), burger(name="alone", variations={"world.ground.friction": [0.5]})])
+
+
+@pytest.fixture(scope="module")
+def gate(with_gate: Results) -> GateOutcome:
+    (gate,) = with_gate.gates
+    return gate
+
+
+def test_a_gate_is_one_outcome_without_a_trace(with_gate: Results, gate: GateOutcome) -> None:
+    assert [outcome.name for outcome in with_gate] == ["slip", "alone[friction=0.5]"]
+    assert len(with_gate) == 2
+    with pytest.raises(UsageError, match=r"'slip' is a gate, and has no trace; use that of a run"):
+        _ = gate.trace
+    assert with_gate.passed
+    assert with_gate[0] is with_gate["slip"] is gate
+    assert len(with_gate.runs) == RUNS + 1
+    assert repr(with_gate) == "Results(2 passed)"
+
+
+def test_a_gate_has_its_runs_and_what_they_show(gate: GateOutcome) -> None:
+    passed = sum(each.passed for each in gate.runs)
+    assert len(gate.runs) == RUNS
+    assert gate.passed
+    assert 0 < passed < RUNS, "a gate may pass although a run fails"
+    assert gate.rate == passed / RUNS
+    assert (gate.lower or 1) < gate.rate < (gate.upper or 0)
+    assert repr(gate) == f"GateOutcome(name='slip', status='passed', passed {passed} of 7 runs)"
+
+
+def test_a_run_of_a_gate_is_found_by_its_name(with_gate: Results, gate: GateOutcome) -> None:
+    last = gate.runs[-1]
+    assert with_gate[last.name] is last
+    assert last.trace.time.size
+    with pytest.raises(KeyError):
+        with_gate["slip[friction=9]"]
+
+
+def test_texts_of_a_gate_show_its_failed_runs(with_gate: Results, gate: GateOutcome) -> None:
+    failed = next(each.name for each in gate.runs if not each.passed)
+    assert f"{failed.removeprefix('slip')} failed (travelled" in gate.text
+    assert gate.text in with_gate.text
+    assert "slip" in gate._repr_html_()
+
+
+def test_loaded_runs_of_a_gate_form_it_again(tmp_path: Path, gate: GateOutcome) -> None:
+    (tmp_path / "slip.sim.yml").write_text(slips().to_yaml())
+    scenarios = load(tmp_path, allow_outside=True)
+    assert {each.gate for each in scenarios} == {"slip"}
+    again = run(scenarios, report=False, allow_outside=True)
+    assert again.gates[0].statistics == gate.statistics
+    failed = next(number for number, outcome in enumerate(gate.runs) if not outcome.passed)
+    some = run(scenarios[failed], report=False, allow_outside=True)
+    assert ([outcome.status for outcome in some], some.gates, some.passed) == (["failed"], (), False)
+    # Copies of runs say nothing new, and would make a gate too sure.
+    some = run([*scenarios, *scenarios[:1]], report=False, allow_outside=True)
+    assert (len(some), some.gates) == (RUNS + 1, ())

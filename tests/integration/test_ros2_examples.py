@@ -11,12 +11,13 @@ import pytest
 import yaml
 
 from sim_action.state.trace_storage import load_trace
-from tests.integration.test_documents import ROOT, blocks
+from tests.integration.conftest import ACTION
+from tests.integration.test_documents import blocks
 from tests.ros.ros2.nodes import needs_ros2, outcomes, run
 from tests.soak import soaked
 
 pytestmark = needs_ros2
-EXAMPLES: Final = ROOT / "examples/ros2"
+EXAMPLES: Final = ACTION / "examples/ros2"
 # One node, a chain of two with timers, and a loop closed by a lidar: all with topics of the same names.
 LOOPS: Final = ("mover", "planner_and_smoother", "wall_follower")
 PAGE: Final = "docs/ros2/index.md"

@@ -38,59 +38,33 @@ def _signals() -> Iterator[Fault]:
         yield to_parent("reports", _DISK, _REPORTS, "parent", short=reports)
 
 
+_no_files = partial(Fault, "EMFILE", calls="open", error=errno.EMFILE)
+_no_child = partial(Fault, "EAGAIN", calls="fork", error=errno.EAGAIN)
+_killed = partial(Fault, "SIGKILL of a child", role="child", signal=signal.SIGKILL, target="self", most_lost=1)
+_full_trace = partial(
+    Fault, "ENOSPC on trace", calls=_DISK, paths=_EVIDENCE, role="child", error=errno.ENOSPC, stride=7
+)
+
 FAULTS: Final = (
     Fault("ENOSPC on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.ENOSPC, short=(1,)),
     Fault("ENOSPC on output", "once", _DISK, _REPORTS, "parent", error=errno.ENOSPC, short=(4,)),
     Fault("EDQUOT on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.EDQUOT, short=()),
     Fault("EDQUOT on output", "once", _DISK, _REPORTS, "parent", error=errno.EDQUOT, short=(37,)),
-    Fault(
-        "ENOSPC on trace", "lasting", _DISK, _EVIDENCE, "child", lasting=True, error=errno.ENOSPC, short=(1,), stride=7
-    ),
-    Fault("ENOSPC on trace", "once", _DISK, _EVIDENCE, "child", error=errno.ENOSPC, short=(5,), stride=7),
+    _full_trace("lasting", lasting=True, short=(1,)),
+    _full_trace("once", short=(5,)),
     Fault("ENOSPC on TMPDIR", "lasting", _DISK, _TMP, lasting=True, error=errno.ENOSPC, most_lost=_ALL, short=(7,)),
     Fault("ENOSPC on TMPDIR", "once", _DISK, _TMP, error=errno.ENOSPC, most_lost=1, short=(3,)),
-    Fault(
-        "EMFILE",
-        "the command, lasting",
-        "open",
-        "",
-        "parent",
-        lasting=True,
-        error=errno.EMFILE,
-        most_lost=_ALL,
-        short=(301,),
-    ),
-    Fault("EMFILE", "the command, once", "open", "", "parent", error=errno.EMFILE, most_lost=1, short=()),
-    Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(21,), stride=7),
-    Fault("EAGAIN", "the command, lasting", "fork", "", "parent", lasting=True, error=errno.EAGAIN, most_lost=_ALL),
-    Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(2,)),
-    Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1, suite="mixed", short=()),
+    _no_files("the command, lasting", role="parent", lasting=True, most_lost=_ALL, short=(301,)),
+    _no_files("the command, once", role="parent", most_lost=1, short=()),
+    _no_files("a child, once", role="child", most_lost=1, short=(21,), stride=7),
+    _no_child("the command, lasting", role="parent", lasting=True, most_lost=_ALL),
+    _no_child("the command, once", role="parent", short=(2,)),
+    _no_child("a child, once", role="child", most_lost=1, suite="mixed", short=()),
     Fault("EIO on mesh", "source", "read", "{suite}/box.stl", error=errno.EIO, exempt=(MESH,)),
     Fault("EIO on mesh", "cached hull", "open,read", "{cache}/*", error=errno.EIO, exempt=(MESH,), short=(3,)),
     *_signals(),
-    Fault(
-        "SIGKILL of a child",
-        "it writes",
-        "create,rename",
-        "",
-        "child",
-        signal=signal.SIGKILL,
-        target="self",
-        most_lost=1,
-        short=(7,),
-    ),
-    Fault(
-        "SIGKILL of a child",
-        "it reads",
-        "open",
-        "",
-        "child",
-        signal=signal.SIGKILL,
-        target="self",
-        most_lost=1,
-        short=(31,),
-        stride=7,
-    ),
+    _killed("it writes", calls="create,rename", short=(7,)),
+    _killed("it reads", calls="open", short=(31,), stride=7),
     Fault("clock jump", "a day forward", "clock", lasting=True, jump=_DAY_S, suite="mixed", short=(2,)),
     Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, suite="mixed", short=()),
     # As when a machine was paused. The default wall limit is 60 s.

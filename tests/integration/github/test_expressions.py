@@ -35,15 +35,6 @@ FAILED = Status(success=False, failure=True)
         ("'' || github.nothing || 'last'", "last"),
         ("!false == true", True),
         ("true || false && false", True),
-    ],
-)
-def test_values(expression: str, value: Value) -> None:
-    assert evaluate_value(f"${{{{ {expression} }}}}", CONTEXTS) == value
-
-
-@pytest.mark.parametrize(
-    ("expression", "is_so"),
-    [
         ("'Push' == 'pUSH'", True),
         ("'' != 'x'", True),
         ("'1.0' == '1'", False),
@@ -52,23 +43,15 @@ def test_values(expression: str, value: Value) -> None:
         ("github.nothing == ''", True),
         ("github.nothing == 'x'", False),
         ("'x' != github.missing", True),
-    ],
-)
-def test_comparisons(expression: str, is_so: bool) -> None:
-    assert evaluate_value(f"${{{{ {expression} }}}}", CONTEXTS) is is_so
-
-
-@pytest.mark.parametrize(
-    ("call", "value"),
-    [
         ("join(needs.*.result, ', ')", "success, failure"),
         ("JOIN(fromJSON('[1, null, true]'), ',')", "1,,true"),
         ("fromJSON('{\"a\": [1]}').a", [1]),
         ("fromJSON('true') && 'kept'", "kept"),
     ],
 )
-def test_functions(call: str, value: Value) -> None:
-    assert evaluate_value(f"${{{{ {call} }}}}", CONTEXTS) == value
+def test_values_comparisons_and_functions(expression: str, value: Value) -> None:
+    result = evaluate_value(f"${{{{ {expression} }}}}", CONTEXTS)
+    assert (result, isinstance(result, bool)) == (value, isinstance(value, bool))
 
 
 @pytest.mark.parametrize(
@@ -87,8 +70,7 @@ def test_templates(template: str, text: str) -> None:
 
 
 def test_what_comes_in_is_not_looked_at_again() -> None:
-    hostile = "${{ github.token }}"
-    assert evaluate("<${{ inputs.a }}>", {"inputs": {"a": hostile}}) == f"<{hostile}>"
+    assert evaluate("<${{ inputs.a }}>", {"inputs": {"a": "${{ github.token }}"}}) == "<${{ github.token }}>"
 
 
 def test_one_expression_keeps_its_kind_and_text_around_it_does_not() -> None:
@@ -121,7 +103,5 @@ def test_conditions(condition: Value, after_success: bool, after_failure: bool) 
 
 def test_cancelled_stops_all_but_always_and_cancelled() -> None:
     status = Status(success=False, cancelled=True)
-    answers = {
-        condition: holds(condition, {}, status) for condition in ("true", "always()", "cancelled()", "failure()")
-    }
-    assert answers == {"true": False, "always()": True, "cancelled()": True, "failure()": False}
+    expected = {"true": False, "always()": True, "cancelled()": True, "failure()": False}
+    assert {condition: holds(condition, {}, status) for condition in expected} == expected
