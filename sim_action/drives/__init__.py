@@ -33,6 +33,8 @@ from sim_action.state.readings import WheelMotion
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene
 
+MAX_STATED_DEVIATION: Final = 0.05  # a stated length that differs more than this share from the geometry is noted
+
 
 class DriveMotion(Protocol):
     """A drive during a run. It keeps the commanded wheel speeds from step to step."""
@@ -135,9 +137,24 @@ class Drive(FrozenModel):
         return "; ".join((self.figures(model, gravity), *self.remarks(model)))
 
     def remarks(self, model: RobotModel) -> tuple[str, ...]:
-        """Return remarks on the plugin that states the drive."""
+        """Return remarks on the plugin that states the drive, and on lengths that are not those of the model."""
         stated = self.origin(model)
-        return stated.remarks if stated else ()
+        return (*stated.remarks, *self._deviations(model)) if stated else ()
+
+    def _deviations(self, model: RobotModel) -> Iterator[str]:
+        for key, length in self.lengths(model).items():
+            value = getattr(self, key)
+            if value and length and self.is_far(key, value / length):
+                title = "wheel radius" if key == "radius" else key
+                yield f"the plugin's {title} differs from that of the wheels in the model, {length:.4g} m"
+
+    def lengths(self, model: RobotModel) -> Mapping[str, float]:
+        """Return the lengths of the wheels in the model, in m, by key of the drive; unknown ones are 0 or left out."""
+        return {}
+
+    def is_far(self, key: str, ratio: float) -> bool:
+        """Return True if a stated length, as a ratio to that of the model, deserves a remark."""
+        return abs(ratio - 1) > MAX_STATED_DEVIATION
 
     @abstractmethod
     def figures(self, model: RobotModel, gravity: float) -> str:

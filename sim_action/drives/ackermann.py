@@ -50,6 +50,7 @@ from sim_action.drives.wheels import (
     along,
     axle_problems,
     heading_of,
+    largest_radius,
     rolling,
     steering_joint,
     wheel,
@@ -135,12 +136,12 @@ class AckermannDrive(Drive):
             yield (), f"the model has no radius for the wheel at '{without_radius[0]}'; give 'radius'"
         if self.wheelbase is None and not self._fixed_wheels(model):
             yield (), "every wheel of the model is steered; give 'wheelbase'"
-        elif any(abs(pin.ahead) < _MIN_WHEELBASE_M for pin in self._kingpins(model)):
+        elif any(abs(pin.ahead) < _MIN_WHEELBASE_M for pin in self.kingpins(model)):
             yield ("steering",), "these joints are directly above the fixed axle; give 'wheelbase'"
 
     @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
-        limit, pins = self._limit(model), self._kingpins(model)
+        limit, pins = self._limit(model), self.kingpins(model)
         return AckermannMotion(
             pins,
             self._driven(model),
@@ -155,21 +156,21 @@ class AckermannDrive(Drive):
     def wheel_motion(self, model: RobotModel) -> AckermannOdometry:
         heading = self._forward(model)
         middle = along(heading, self._axle(model), 0.0)
-        return AckermannOdometry(self._kingpins(model), self._driven(model), heading, middle)
+        return AckermannOdometry(self.kingpins(model), self._driven(model), heading, middle)
 
     @override
     def mobility(self, model: RobotModel) -> Mobility:
         return Mobility(
             heading=self._forward(model),
             ahead=-self._axle(model),
-            tightest=tightest(self._kingpins(model), self._limit(model).angle),
+            tightest=tightest(self.kingpins(model), self._limit(model).angle),
             acceleration=self.acceleration,
-            wheelbase=abs(fmean(pin.ahead for pin in self._kingpins(model))),
+            wheelbase=abs(fmean(pin.ahead for pin in self.kingpins(model))),
         )
 
     @override
     def figures(self, model: RobotModel, gravity: float) -> str:
-        pins, driven = self._kingpins(model), self._driven(model)
+        pins, driven = self.kingpins(model), self._driven(model)
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
         return (
             f"ackermann: steering {', '.join(self.steering)} {self._limit(model).text}; driven "
@@ -178,6 +179,14 @@ class AckermannDrive(Drive):
             f"acceleration {self.acceleration:.4g} m/s^2{torque_text(self.torque, model, self.wheels)}"
             f"{heading_text(self._forward(model))}"
         )
+
+    @override
+    def lengths(self, model: RobotModel) -> Mapping[str, float]:
+        radius = largest_radius([wheel(model, name) for name in self.wheels])
+        if not self._fixed_wheels(model):
+            return {"radius": radius}
+        pins = self.model_copy(update={"wheelbase": None}).kingpins(model)
+        return {"radius": radius, "wheelbase": abs(fmean(pin.ahead for pin in pins))}
 
     def _unknown_joints(self, model: RobotModel) -> SpecProblems:
         for index, name in enumerate(self.steering):
@@ -208,7 +217,8 @@ class AckermannDrive(Drive):
         heading = self._forward(model)
         return fmean(rolling(axle_wheel, heading).ahead for axle_wheel in self._fixed_wheels(model) or [STRAIGHT])
 
-    def _kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
+    def kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
+        """Return the steering joints with their places."""
         heading, axle, pins = self._forward(model), self._axle(model), list[Kingpin]()
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
@@ -220,7 +230,7 @@ class AckermannDrive(Drive):
 
     def _driven(self, model: RobotModel) -> tuple[DrivenWheel, ...]:
         heading, driven = self._forward(model), list[DrivenWheel]()
-        pins = {pin.joint: pin for pin in self._kingpins(model)}
+        pins = {pin.joint: pin for pin in self.kingpins(model)}
         for driven_wheel in (wheel(model, name) for name in self.wheels):
             place, above = rolling(driven_wheel, heading), steering_joint(model, driven_wheel.joint)
             radius = self.radius or driven_wheel.radius

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from math import fsum
 from typing import Annotated, ClassVar, Final, Self
@@ -16,6 +16,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.drives import (
+    MAX_STATED_DEVIATION,
     MIN_LENGTH_M,
     NOT_PLANAR,
     Drive,
@@ -34,7 +35,17 @@ from sim_action.drives import (
 )
 from sim_action.drives.plugins import DIFF_PLUGINS, Kind, NoDrive, Stated, sides_by_plugin
 from sim_action.drives.undercarriage import driven_pair
-from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, heading_of, rolling, turned_forward, wheel
+from sim_action.drives.wheels import (
+    Rolling,
+    Wheel,
+    along,
+    axle_problems,
+    heading_of,
+    largest_radius,
+    rolling,
+    turned_forward,
+    wheel,
+)
 from sim_action.robot.model.kinematics import Mobility, SameModel
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
@@ -42,7 +53,6 @@ from sim_action.state.readings import PlanarWay
 from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
-_MAX_STATED_DEVIATION: Final = 0.05  # a stated length that differs more than this share from the geometry is noted
 _BACKWARD: Final = math.radians(135)  # a heading beyond this, in rad from the base's x axis, is probably a mistake
 
 
@@ -79,7 +89,7 @@ class TwoSidedDrive(Drive):
         """Return True unless the sides are far apart in the model, but not across the direction of forward."""
         left, right = self.sides(model)
         way = (_mean_left(left) - _mean_left(right), _mean([p.ahead for p in left]) - _mean([p.ahead for p in right]))
-        return abs(way[0]) >= _MAX_STATED_DEVIATION * math.hypot(*way)
+        return abs(way[0]) >= MAX_STATED_DEVIATION * math.hypot(*way)
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: Stated) -> Self:
@@ -153,25 +163,14 @@ class TwoSidedDrive(Drive):
         )
 
     @override
-    def remarks(self, model: RobotModel) -> tuple[str, ...]:
-        return (*super().remarks(model), *(self._deviations(model) if self.origin(model) else ()))
-
-    @override
     def plugin(self, model: RobotModel) -> str:
         stated = self.origin(model)
         return stated.source if stated else ""
 
-    def _deviations(self, model: RobotModel) -> Iterator[str]:
-        """Yield stated lengths that differ from the wheels of the model."""
-        radii = [driven_wheel.radius for driven_wheel in self._wheels(model) if driven_wheel.radius]
-        if self.radius and radii and abs(self.radius / max(radii) - 1) > _MAX_STATED_DEVIATION:
-            yield f"the plugin's wheel radius differs from that of the wheels in the model, {max(radii):.4g} m"
-        between = self.model_copy(update={"separation": None}).separation_in(model)
-        if self.separation and between and self._is_far(self.separation / between):
-            yield f"the plugin's separation differs from that of the wheels in the model, {between:.4g} m"
-
-    def _is_far(self, ratio: float) -> bool:
-        return abs(ratio - 1) > _MAX_STATED_DEVIATION
+    @override
+    def lengths(self, model: RobotModel) -> Mapping[str, float]:
+        separation = self.model_copy(update={"separation": None}).separation_in(model)
+        return {"radius": largest_radius(self._wheels(model)), "separation": separation}
 
     def forward(self, model: RobotModel) -> float:
         """Return the direction of forward, in rad from the base's x axis to the left."""

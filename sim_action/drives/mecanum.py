@@ -37,6 +37,7 @@ from sim_action.drives.wheels import (
     axle_problems,
     centre_of_mass,
     heading_of,
+    largest_radius,
     rolling,
     wheel,
     wheels_on_ground,
@@ -144,6 +145,10 @@ class MecanumDrive(Drive):
             f"pushed by up to {units.display(self._force(model, gravity), 'N')}{assumed}"
             f"{heading_text(self._forward(model))}"
         )
+
+    @override
+    def lengths(self, model: RobotModel) -> Mapping[str, float]:
+        return {"radius": largest_radius(self._wheels(model))}
 
     @override
     def mobility(self, model: RobotModel) -> Mobility:

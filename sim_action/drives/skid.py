@@ -71,9 +71,10 @@ class SkidSteer(TwoSidedDrive):
             raise NoDrive(f"there are {len(left)} wheels on the left and {len(right)} on the right")
         return cls(left=left, right=right)
 
-    def _is_far(self, ratio: float) -> bool:
+    @override
+    def is_far(self, key: str, ratio: float) -> bool:
         # The separation of a plugin is the effective one, which is greater than that of the wheels.
-        return ratio < 1 and super()._is_far(ratio)
+        return super().is_far(key, ratio) and (key != "separation" or ratio < 1)
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: Stated) -> Self:

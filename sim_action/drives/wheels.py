@@ -303,6 +303,11 @@ def rolling(wheel: Wheel, heading: float) -> Rolling:
     return Rolling(wheel.joint, cosine * x + sine * y, cosine * y - sine * x, turns)
 
 
+def largest_radius(wheels: Sequence[Wheel]) -> float:
+    """Return the largest radius in m, 0 if the model states none."""
+    return max((wheel.radius for wheel in wheels if wheel.radius), default=0.0)
+
+
 def along(heading: float, ahead: float, left: float) -> tuple[float, float]:
     """Return a vector given ahead and to the left, along the axes of the base."""
     cosine, sine = math.cos(heading), math.sin(heading)

@@ -57,9 +57,9 @@ def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
 
 def test_what_gzs_plugin_says_is_taken() -> None:
     plugin, joints = "gz-sim-ackermann-steering-system", f"left_joint=c right_joint=d {STEERED}"
-    figures = "wheel_base=0.52 kingpin_width=0.4 wheel_radius=0.11 steering_limit=0.5"
+    figures = "wheel_base=0.52 kingpin_width=0.4 wheel_radius=0.104 steering_limit=0.5"
     model = asking(CAR, plugin, f"{joints} {figures}")
-    stated = DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11, "steering_limit": 0.5})
+    stated = DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.104, "steering_limit": 0.5})
     assert recognise(model) == stated
     no_limit = "; the plugin has no limit for acceleration, so 1 m/s^2 is used"
     assert stated.describe(model) == stated.describe(CAR) + no_limit

@@ -105,8 +105,8 @@ def test_only_wheels_lose_their_friction() -> None:
 
 def test_gzs_plugin_tells_mecanum_wheels_from_skid_steer() -> None:
     joints = "front_left_joint=a back_left_joint=b front_right_joint=c back_right_joint=d"
-    model = asking(CART, "gz-sim-mecanum-drive-system", f"{joints} wheel_radius=0.11")
-    stated = DRIVE.model_copy(update={"radius": 0.11})
+    model = asking(CART, "gz-sim-mecanum-drive-system", f"{joints} wheel_radius=0.104")
+    stated = DRIVE.model_copy(update={"radius": 0.104})
     assert recognise(model) == stated
     no_limit = "; the plugin has no limit for acceleration, so 1 m/s^2 is used"
     assert stated.describe(model) == stated.describe(CART) + no_limit

@@ -40,10 +40,13 @@ def test_a_plugin_is_known_by_its_file_or_its_class(name: str, title: str, kind:
     assert kind_of(Plugin(name, (), title)) == kind
 
 
+CAR_CONTROLLER = "ackermann_steering_controller/AckermannSteeringController"
+CAR_JOINTS = "steering_joints_names=b_steer,a_steer traction_joints_names=d,c"
 DIFF_CONTROLLER = "diff_drive_controller/DiffDriveController"
 SIDES = "left_wheel_names=a right_wheel_names=b"
 MULTIPLIERS = "wheel_separation_multiplier=1.5 left_wheel_radius_multiplier=1.2 right_wheel_radius_multiplier=1.2"
 CAR_DRIVE = AckermannDrive(steering=("b_steer", "a_steer"), wheels=("d", "c"))
+MECANUM_CONTROLLER = "mecanum_drive_controller/MecanumDriveController"
 MECANUM_PLACES = {"front_left": "a", "rear_left": "b", "front_right": "c", "rear_right": "d"}
 MECANUM_JOINTS = " ".join(f"{place}_wheel_command_joint_name={joint}" for place, joint in MECANUM_PLACES.items())
 # model, plugin, its parameters, and the drive that they state
@@ -70,12 +73,12 @@ STATEMENTS: dict[str, tuple[RobotModel, str, str, Drive]] = {
         DiffDrive(left=("a",), right=("b",), radius=0.1 * 0.9),
     ),
     "ackermann": (
-        *(CAR, "ackermann_steering_controller/AckermannSteeringController"),
-        "steering_joints_names=b_steer,a_steer traction_joints_names=d,c wheelbase=0.52 traction_wheels_radius=0.11",
+        *(CAR, CAR_CONTROLLER),
+        f"{CAR_JOINTS} wheelbase=0.52 traction_wheels_radius=0.11",
         CAR_DRIVE.model_copy(update={"wheelbase": 0.52, "radius": 0.11}),
     ),
     "ackermann of Humble": (
-        *(CAR, "ackermann_steering_controller/AckermannSteeringController"),
+        *(CAR, CAR_CONTROLLER),
         "front_wheels_names=b_steer,a_steer rear_wheels_names=d,c rear_wheels_radius=0.11 front_wheels_radius=0.2",
         CAR_DRIVE.model_copy(update={"radius": 0.11}),
     ),
@@ -90,7 +93,7 @@ STATEMENTS: dict[str, tuple[RobotModel, str, str, Drive]] = {
         AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"), steering_limit=0.5),
     ),
     "mecanum controller": (
-        *(FOURS, "mecanum_drive_controller/MecanumDriveController"),
+        *(FOURS, MECANUM_CONTROLLER),
         f"{MECANUM_JOINTS} kinematics.wheels_radius=0.1",
         MecanumDrive(left=("a", "b"), right=("c", "d"), radius=0.1),
     ),
@@ -117,22 +120,29 @@ def test_a_controller_has_its_name_and_unequal_radii_of_its_sides_are_noted() ->
 
 
 @pytest.mark.parametrize(
-    ("figure", "value", "remark"),
+    ("robot", "plugin", "parameters", "remark"),
     [
-        ("wheel_separation", 0.6, None),
-        ("wheel_separation", 0.62, None),
-        ("wheel_separation", 0.64, "separation differs from that of the wheels in the model, 0.6 m"),
-        ("wheel_radius", 1.04 * RADIUS, None),
-        ("wheel_radius", 1.1 * RADIUS, "wheel radius differs from that of the wheels in the model, 0.1 m"),
+        (TWO, DIFF_CONTROLLER, f"{SIDES} wheel_separation=0.6", None),
+        (TWO, DIFF_CONTROLLER, f"{SIDES} wheel_separation=0.62", None),
+        (TWO, DIFF_CONTROLLER, f"{SIDES} wheel_separation=0.64", "separation, 0.6 m"),
+        (TWO, DIFF_CONTROLLER, f"{SIDES} wheel_radius={1.04 * RADIUS}", None),
+        (TWO, DIFF_CONTROLLER, f"{SIDES} wheel_radius={1.1 * RADIUS}", "wheel radius, 0.1 m"),
+        (CAR, CAR_CONTROLLER, f"{CAR_JOINTS} wheelbase=0.51", None),
+        (CAR, CAR_CONTROLLER, f"{CAR_JOINTS} wheelbase=0.3", "wheelbase, 0.5 m"),
+        (CAR, CAR_CONTROLLER, f"{CAR_JOINTS} traction_wheels_radius=0.11", "wheel radius, 0.1 m"),
+        (FOURS, MECANUM_CONTROLLER, f"{MECANUM_JOINTS} kinematics.wheels_radius=0.2", "wheel radius, 0.1 m"),
     ],
 )
-def test_figures_that_differ_from_the_wheels_are_noted(figure: str, value: float, remark: str | None) -> None:
-    model = asking(TWO, DIFF_CONTROLLER, f"{SIDES} {figure}={value}")
-    drive = recognise(model)
+def test_figures_that_differ_from_the_wheels_are_noted(
+    robot: RobotModel, plugin: str, parameters: str, remark: str | None
+) -> None:
+    drive = recognise(model := asking(robot, plugin, parameters))
     assert drive is not None
-    told = drive.describe(model)
-    assert ("differs from" in told) == (remark is not None)
-    assert remark is None or f"the plugin's {remark}" in told
+    text = drive.describe(model)
+    assert ("differs from" in text) == (remark is not None)
+    if remark is not None:
+        title, length = remark.split(", ")
+        assert f"the plugin's {title} differs from that of the wheels in the model, {length}" in text
 
 
 def test_the_effective_separation_of_a_skid_steer_may_be_greater() -> None:
