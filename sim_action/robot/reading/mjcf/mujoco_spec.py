@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 import mujoco
@@ -256,12 +256,10 @@ def _leave_out(spec: Any, notes: Notes) -> None:
         first = named([body.name for body in others])
         notes.leave_out(others[0], f"the file also has body {first}: {_OTHER_BODY}")
     wrapped = {step.target.name for tendon in spec.tendons for step in tendon.path if step.target is not None}
-    for tendon in list(spec.tendons):
-        if any(step.target is not None and step.target.name in names for step in tendon.path):
-            names.add(tendon.name)
-            spec.delete(tendon)
-    dropped = [*spec.keys, *spec.pairs, *spec.excludes]
-    dropped += [equality for equality in spec.equalities if {equality.name1, equality.name2} & names]
+    for tendon in _outside(spec.tendons, names, notes):
+        names.add(tendon.name)
+        spec.delete(tendon)
+    dropped = [*spec.keys, *spec.pairs, *spec.excludes, *_outside(spec.equalities, names, notes)]
     dropped += [actuator for actuator in spec.actuators if actuator.target in names]
     dropped += _disabled(spec, names, notes)
     dropped += [body for body in spec.worldbody.bodies if body.name not in robot]
@@ -275,6 +273,21 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     for element in dropped:
         spec.delete(element)
     _leave_out_heightfields(spec, notes)
+
+
+def _outside(elements: Iterable[Any], names: set[str], notes: Notes) -> list[Any]:
+    """Return the tendons or equalities that need a part in `names`; note those that join the robot to it."""
+    outside = list[Any]()
+    for element in elements:
+        if isinstance(element, mujoco.MjsTendon):
+            kind, ends = "a <tendon>", {step.target.name for step in element.path if step.target is not None}
+        else:
+            kind, ends = "an <equality>", {element.name1, element.name2} - {"", "world"}
+        if ends & names:
+            outside.append(element)
+            if ends - names:
+                notes.leave_out(element, f"{kind} {_TO_OTHER_BODY}")
+    return outside
 
 
 def _disabled(spec: Any, outside: set[str], notes: Notes) -> list[Any]:
@@ -305,6 +318,7 @@ def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
 # Groups that <option actuatorgroupdisable> can name.
 _MAX_GROUPS: Final = 31
 _OTHER_BODY: Final = "left out, because it is not a part of the robot; make it a body of 'world.objects'"
+_TO_OTHER_BODY: Final = "that joins the robot to a body that is left out is left out too: nothing acts there"
 _WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
 
 

@@ -377,6 +377,18 @@ def notes(found: RobotModel) -> list[str]:
     return [finding.message for finding in found.findings]
 
 
+def test_what_joins_the_robot_to_a_body_that_is_left_out_is_noted(tmp_path: Path) -> None:
+    hoist = HOIST.replace("<geom name=", '<site name="end"/><geom name=')
+    target = """<body name="target" mocap="true" pos=".3 0 1"><site name="hook"/><geom name="ball" size=".01"/></body>
+      <body name="shelf"><geom size=".1"/></body>"""
+    joined = """<tendon><spatial><site site="hook"/><site site="end"/></spatial></tendon>
+      <equality><weld body1="target" body2="upper"/>
+      <weld body1="shelf"/></equality>"""
+    noted = {finding.message: finding.location.line for finding in model(tmp_path, hoist + target, joined).findings}
+    kinds = [(message.split(" that ")[0], line) for message, line in noted.items()]
+    assert kinds[1:] == [("a <tendon>", 3), ("an <equality>", 4)]
+
+
 def test_the_tree_with_actuators_is_the_robot_with_trees_that_equalities_couple_to_it(tmp_path: Path) -> None:
     for name, other in (("box", BOX), ("cabinet", CABINET)):
         found = model(tmp_path, HOIST + other, MOTOR)
