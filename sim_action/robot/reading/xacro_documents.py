@@ -30,6 +30,7 @@ _MAX_DEPTH: Final = 100
 _MAX_FILES: Final = 1_000
 _MAX_COPIES: Final = 200_000
 _KEY: Final = "place"
+_USED_ARGUMENT: Final = re.compile(r"\$\(arg\s+(\w+)\s*\)")
 
 
 class XacroError(Exception):
@@ -47,7 +48,7 @@ class XacroError(Exception):
 
 
 class UnknownArgument(XacroError):
-    """A name in `robot.args` that no file declares; `argument`: that name."""
+    """A name in `robot.args` that no file declares or uses; `argument`: that name."""
 
     def __init__(self, argument: str, declared: set[str], path: Path) -> None:
         self.argument = argument
@@ -70,7 +71,7 @@ class XacroDocuments:
 
     def __init__(self) -> None:
         self.declared: set[str] = set()
-        """The names of all <xacro:arg>, also in parts that were not evaluated."""
+        """The names of all <xacro:arg> and $(arg NAME), also in parts that were not evaluated."""
         self._files = 0
         self._copies = 0
 
@@ -89,6 +90,7 @@ class XacroDocuments:
             raise XacroError("bad-xml", f"{error}; save the file as UTF-8", Location(str(path), 1)) from None
         arguments = document.getElementsByTagName("xacro:arg")
         self.declared.update(argument.getAttribute("name") for argument in arguments)
+        self.declared.update(_USED_ARGUMENT.findall(data.decode(errors="replace")))
         return document
 
     def handle(self, _operation: int, key: str, data: Location, _source: Node, copy: Node | None) -> None:
