@@ -78,7 +78,12 @@ def rate_problems(
     rates.append((("trace", "rate"), scenario.trace.rate))
     for path, rate in rates:
         if rate is not None and not rate_divides(physics, rate):
-            near = " and ".join(f"{near:g} Hz" for near in _rates_near(physics, rate))
+            # The next lower and higher rate that fall on whole steps, whole hertz first.
+            whole = [float(hertz) for hertz in range(1, int(physics) + 1) if rate_divides(physics, hertz)]
+            candidates = whole or [physics / steps for steps in range(1, 1000)]
+            below = max((hertz for hertz in candidates if hertz < rate), default=None)
+            above = min((hertz for hertz in candidates if hertz > rate), default=None)
+            near = " and ".join(f"{hertz:g} Hz" for hertz in (below, above) if hertz is not None)
             remedy = common_rate(scenario.needed_rates, physics, MAX_PHYSICS_RATE_HZ)
             faster = "" if remedy is None else f"; or set physics: {{rate: {remedy:.10g} Hz}}"
             yield path, f"{rate:g} Hz does not divide physics.rate, {physics:g} Hz; nearest: {near}{faster}"
@@ -376,15 +381,6 @@ def _wheels(scenario: Scenario, model: RobotModel) -> frozenset[str]:
     if drive is None or any(drive.problems(model)):
         return frozenset()
     return drive.open(model, scenario.physics.rate).joints
-
-
-def _rates_near(physics_rate: float, rate: float) -> list[float]:
-    """Return the next lower and higher rate that fall on whole steps, whole hertz first."""
-    whole = [float(hertz) for hertz in range(1, int(physics_rate) + 1) if rate_divides(physics_rate, hertz)]
-    candidates = whole or [physics_rate / steps for steps in range(1, 1000)]
-    below = max((r for r in candidates if r < rate), default=None)
-    above = min((r for r in candidates if r > rate), default=None)
-    return [near for near in (below, above) if near is not None]
 
 
 def environment_problems(scenario: Scenario) -> SpecProblems:

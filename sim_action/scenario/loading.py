@@ -353,7 +353,9 @@ class _Loader:
             return None
         try:
             if (robot.is_xacro or robot.is_mjcf) and not self._evaluate:
-                self._check_text(robot, path)
+                if robot.is_xacro and self._permissions.scripts_refused:
+                    self._problems.note((*path, "model"), self._permissions.scripts_refused)
+                self.unchecked += check_text(robot, self._workspace)
                 return None
             return self._libraries.models.load(robot, self._workspace)
         except errors.RefusedModel as error:
@@ -363,11 +365,6 @@ class _Loader:
         except errors.ModelError as error:
             self._problems.note((*path, "model"), str(error))
         return None
-
-    def _check_text(self, robot: DrivenRobot, path: KeyPath) -> None:
-        if robot.is_xacro and self._permissions.scripts_refused:
-            self._problems.note((*path, "model"), self._permissions.scripts_refused)
-        self.unchecked += check_text(robot, self._workspace)
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         own = OwnPaths(self._parts.command_paths, self._parts.sensor_paths)

@@ -287,7 +287,14 @@ class PartReader:
             self._problems.note(("expect",), few)
             return None
         if _is_combined(kind):
-            return self._combined(kind, data, path)
+            try:
+                entries = kind.entries(data)
+            except ValueError as error:
+                self._problems.note(path, str(error))
+                return None
+            parts = [self._part(kind, entry, (*path, *place)) for place, entry in entries]
+            valid_parts = tuple(part for part in parts if part is not None)
+            return kind.made_of(valid_parts) if len(valid_parts) == len(parts) else None
         spec = self.validated(kind, data, path)
         if spec is not None:
             self._problems.note_all(path, self._file_problems(spec))
@@ -302,16 +309,6 @@ class PartReader:
         else:
             few = f"more than {_MAX_FILES} assertions with a file of their own; split the scenario"
             self._problems.note(("expect",), few)
-
-    def _combined(self, kind: type[Combined], data: Any, path: KeyPath) -> Combined | None:
-        try:
-            entries = kind.entries(data)
-        except ValueError as error:
-            self._problems.note(path, str(error))
-            return None
-        parts = [self._part(kind, entry, (*path, *place)) for place, entry in entries]
-        valid_parts = tuple(part for part in parts if part is not None)
-        return kind.made_of(valid_parts) if len(valid_parts) == len(parts) else None
 
     def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
         """Return a nested assertion, which has no options of its own."""
@@ -484,16 +481,13 @@ class _Entry:
         for name in [key for key, value in self._items() if isinstance(value, dict) and key in COMMANDS]:
             kind = COMMANDS.load(name)
             if kind.map_key is not None:
-                self._take(name, kind, kind.map_key)
-
-    def _take(self, name: str, kind: type[CommandSource], own: str) -> None:
-        inner = self.data[name]
-        beside = {key: value for key, value in self._items() if key != name}
-        allowed = {own, *(field.alias or key for key, field in kind.model_fields.items())} - {name}
-        self.problems += self._problems(name, own, allowed)
-        place = (*self.path, name)
-        self.moved |= {(*self.path, name if key == own else key): (*place, key) for key in inner}
-        self.data = {**beside, **{name if key == own else key: value for key, value in inner.items()}}
+                inner = self.data[name]
+                beside = {key: value for key, value in self._items() if key != name}
+                allowed = {kind.map_key, *(field.alias or key for key, field in kind.model_fields.items())} - {name}
+                self.problems += self._problems(name, kind.map_key, allowed)
+                place = (*self.path, name)
+                self.moved |= {(*self.path, name if key == kind.map_key else key): (*place, key) for key in inner}
+                self.data = {**beside, **{name if key == kind.map_key else key: value for key, value in inner.items()}}
 
     def _problems(self, name: str, own: str, allowed: set[str]) -> Iterator[tuple[KeyPath, str]]:
         inner = self.data[name]

@@ -84,24 +84,21 @@ class _Reader:
     def _named_in(self, path: Path, mesh_folders: list[Path]) -> Iterator[Path]:
         """Yield the files and folders that a file names; `mesh_folders`: of the MJCF files that led to it."""
         if path.suffix in _SCENARIOS:
-            yield from self._in_scenario(path)
+            data = _document(path)
+            for key in _NODE_SOURCES:
+                for spec in _specs(data, key):
+                    for package in dict.fromkeys(_packages_of_nodes(spec)):
+                        yield from self._in_package(package, path)
+                        if key == "ros2":
+                            yield from self._installed(package, path.parent, spec.get("workspace"))
+            for text in _texts(data):
+                for name in _names_in(text):
+                    yield from self.at(path.parent, name)
         elif path.suffix in _MODELS:
             yield from self._in_model(path, mesh_folders)
         elif path.suffix == ".py":
             # Its imports lie in the same folder.
             yield from _in_folder(path.parent, "*.py")
-
-    def _in_scenario(self, path: Path) -> Iterator[Path]:
-        data = _document(path)
-        for key in _NODE_SOURCES:
-            for spec in _specs(data, key):
-                for package in dict.fromkeys(_packages_of_nodes(spec)):
-                    yield from self._in_package(package, path)
-                    if key == "ros2":
-                        yield from self._installed(package, path.parent, spec.get("workspace"))
-        for text in _texts(data):
-            for name in _names_in(text):
-                yield from self.at(path.parent, name)
 
     def _in_package(self, name: str, referrer: Path) -> Iterator[Path]:
         """Yield the files of a package of ROS in the workspace; other packages do not change."""

@@ -125,7 +125,13 @@ class Scenario:
             raise UsageError(f"changes: expected a map of key paths to values, found {shown(changes)}")
         document = self._source.document
         for written, value in changes.items():
-            document = _placed(document, written, value)
+            try:
+                path = resolved(document.data, written)
+            except NoSuchKey as error:
+                raise InvalidScenario([document.problem((), f"{written}: {error}")]) from None
+            data, made = placed(document.data, path, _read(document.file, {_VALUE: value})[_VALUE])
+            place = document.location(path)
+            document = replace(document, data=data, marks={**document.marks, **dict.fromkeys(made, place)})
         name = changes.get("name", self.name)
         return self.of(replace(self._source, document=document, name=name if isinstance(name, str) else self.name))
 
@@ -149,17 +155,6 @@ class Scenario:
 
     def __repr__(self) -> str:
         return f"Scenario(name={self.name!r}, path={str(self.path)!r})"
-
-
-def _placed(document: Document, written: str, value: object) -> Document:
-    """Return a document with another value at a key path. Raises InvalidScenario."""
-    try:
-        path = resolved(document.data, written)
-    except NoSuchKey as error:
-        raise InvalidScenario([document.problem((), f"{written}: {error}")]) from None
-    data, made = placed(document.data, path, _read(document.file, {_VALUE: value})[_VALUE])
-    place = document.location(path)
-    return replace(document, data=data, marks={**document.marks, **dict.fromkeys(made, place)})
 
 
 def _read(label: str, keys: Mapping[str, object]) -> dict[str, Any]:

@@ -55,7 +55,14 @@ class AccuracyWatch(Guard):
             time = float(trace.time[-1]) if len(trace) else 0.0
             if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]) and not self._is_expected(touch):
                 self._deepest = touch.depth, _names(touch), time
-            self._compare(touch)
+            one, other = (
+                (self._robot, self._masses.get(touch.body))
+                if isinstance(touch, Overlap)
+                else (self._masses.get(touch.body), self._masses.get(touch.other))
+            )
+            if one and other and max(one, other) > _MAX_MASS_RATIO * min(one, other):
+                pair = frozenset({touch.body} if isinstance(touch, Overlap) else {touch.body, touch.other})
+                self._unequal.setdefault(pair, (_names(touch), max(one, other) / min(one, other)))
 
     def _is_expected(self, touch: Overlap | Clash) -> bool:
         """Return True for a spring that the model states, and for two sides that cannot give way."""
@@ -63,16 +70,6 @@ class AccuracyWatch(Guard):
         return isinstance(touch, Overlap) and (
             touch.link in self._springs or (touch.link in links and touch.body in bodies)
         )
-
-    def _compare(self, touch: Overlap | Clash) -> None:
-        one, other = (
-            (self._robot, self._masses.get(touch.body))
-            if isinstance(touch, Overlap)
-            else (self._masses.get(touch.body), self._masses.get(touch.other))
-        )
-        if one and other and max(one, other) > _MAX_MASS_RATIO * min(one, other):
-            pair = frozenset({touch.body} if isinstance(touch, Overlap) else {touch.body, touch.other})
-            self._unequal.setdefault(pair, (_names(touch), max(one, other) / min(one, other)))
 
     @override
     def notes(self, end: float) -> Iterator[str]:

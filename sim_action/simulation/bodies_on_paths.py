@@ -219,7 +219,16 @@ class _Traveller:
     def meets(self, obstacle: Obstacle, path: PosePath | None, end: float, rate: float) -> dict[str, float]:
         """Return name -> s: when it first overlaps each body of an obstacle, which may be on a path itself."""
         search, free_until = _Search(obstacle), 0.0
-        for time in self._moments(end, path):
+        # The sim times in s to look at, up to the end of a run.
+        paths = [pose_path for pose_path in (self.path, path) if pose_path is not None]
+        # A path with a pace ends later or earlier than it states.
+        loops = any(pose_path.loops or pose_path.pace for pose_path in paths)
+        last = max(self.path.times[-1], path.times[-1] if path is not None else 0.0)
+        until = end if loops else min(last, end)
+        frames: list[float] = (np.arange(min(int(until * FRAME_RATE) + 1, _MAX_FRAMES)) / FRAME_RATE).tolist()
+        corners = [time for pose_path in paths for time in pose_path.times if time <= until]
+        # Bodies may appear after the end of the path.
+        for time in sorted({*frames, *corners, end}):
             # Bodies may appear before the last moment.
             if time < min(free_until, end):
                 continue
@@ -232,18 +241,6 @@ class _Traveller:
             if path is None and gap > 0:
                 free_until = time + (gap / self.fastest if self.fastest else end)
         return search.found
-
-    def _moments(self, end: float, path: PosePath | None) -> Sequence[float]:
-        """Return the sim times in s to look at, up to the end of a run."""
-        paths = [pose_path for pose_path in (self.path, path) if pose_path is not None]
-        # A path with a pace ends later or earlier than it states.
-        loops = any(pose_path.loops or pose_path.pace for pose_path in paths)
-        last = max(self.path.times[-1], path.times[-1] if path is not None else 0.0)
-        until = end if loops else min(last, end)
-        frames: list[float] = (np.arange(min(int(until * FRAME_RATE) + 1, _MAX_FRAMES)) / FRAME_RATE).tolist()
-        corners = [time for pose_path in paths for time in pose_path.times if time <= until]
-        # Bodies may appear after the end of the path.
-        return sorted({*frames, *corners, end})
 
 
 class _Search:
@@ -267,18 +264,14 @@ class _Search:
             name = obstacle.names[int(obstacle.bodies[index])]
             if name not in self.found and self._left:
                 self._left -= 1
-                if _overlap(piece, points, obstacle, index):
+                # The piece at `points` must be deeper inside the other one than an ordinary contact.
+                middle = (points.min(axis=0) + points.max(axis=0)) / 2
+                thick = piece.width - 2 * piece.radius
+                smaller = middle + (points - middle) * max(0.0, 1 - 2 * DEPTH / thick if thick > 0 else 0.0)
+                limit = max(0.0, piece.radius - DEPTH) + float(obstacle.radius[index])
+                if hull_distance(smaller, obstacle.corners(index), limit) <= max(limit, _TOUCH_M):
                     self.found[name] = time
         return float(np.maximum(obstacle.lower - upper, lower - obstacle.upper).max(axis=1).min())
-
-
-def _overlap(piece: Piece, points: np.ndarray, obstacle: Obstacle, index: int) -> bool:
-    """Return True if a piece at `points` (P, 3) is deeper inside another piece than an ordinary contact."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    thick = piece.width - 2 * piece.radius
-    smaller = middle + (points - middle) * max(0.0, 1 - 2 * DEPTH / thick if thick > 0 else 0.0)
-    limit = max(0.0, piece.radius - DEPTH) + float(obstacle.radius[index])
-    return hull_distance(smaller, obstacle.corners(index), limit) <= max(limit, _TOUCH_M)
 
 
 def _obstacle(scene: Scene, bodies: Sequence[Body], *, moves: bool) -> Obstacle | None:

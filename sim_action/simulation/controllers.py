@@ -321,18 +321,15 @@ class Controls:
                 continue
             self._keep_marks(place, step)
             if action.start:
-                self._start(place, step)
+                # A source that is at work begins again.
+                self._motions.leave(self._sources[place].moved)
+                if isinstance(controller := self._sources[place].controller, ClosedLoop):
+                    controller.begin()
+                others = [source for source in self._active if source.index != place]
+                source = replace(self._sources[place], origin=step)
+                self._active = sorted((*others, source), key=lambda source: source.index)
             else:
                 self._stop(place)
-
-    def _start(self, index: int, step: int) -> None:
-        """Let a source begin at a physics step; one that is at work begins again."""
-        self._motions.leave(self._sources[index].moved)
-        if isinstance(controller := self._sources[index].controller, ClosedLoop):
-            controller.begin()
-        others = [source for source in self._active if source.index != index]
-        source = replace(self._sources[index], origin=step)
-        self._active = sorted((*others, source), key=lambda source: source.index)
 
     def _keep_marks(self, index: int, step: int) -> None:
         """Keep the marks of a source that an event ends at a physics step."""
@@ -428,7 +425,12 @@ class Controls:
         """Apply a command, and return the joint targets of this tick so far."""
         self.log.add(command)
         if not isinstance(command, JointTargets):
-            self._drive(source)
+            if self._motion is None:
+                raise ScriptError(NO_WHEELS)
+            driver = self._driver = self._driver or source
+            if driver.index != source.index:
+                raise _both(driver, source, "drive the base; only one command source can do so")
+            self._claim(source, self._motion.joints)
             self._twist = command
             return targets
         self._claim(source, set(command.names()))
@@ -488,15 +490,6 @@ class Controls:
         named = {name for command in commands if isinstance(command, JointTargets) for name in command.names()}
         if wheels := self._motion.joints & named:
             raise ScriptError(f"{TWO_WAYS} '{min(wheels)}', which the drive moves; send only one of them")
-
-    def _drive(self, source: _Source) -> None:
-        """Assign the base and its wheels to the source. Raise ScriptError."""
-        if self._motion is None:
-            raise ScriptError(NO_WHEELS)
-        driver = self._driver = self._driver or source
-        if driver.index != source.index:
-            raise _both(driver, source, "drive the base; only one command source can do so")
-        self._claim(source, self._motion.joints)
 
     def _claim(self, source: _Source, joints: set[str] | frozenset[str]) -> None:
         """Assign the joints to the source. Raise ScriptError if another source moves one of them."""

@@ -265,7 +265,14 @@ def hull_distance(one: FloatArray, other: FloatArray, enough: float = math.inf) 
 def _nearest_in(corners: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the corners and weights of the point of a simplex nearest to the origin, without idle corners."""
     while True:
-        best = _nearest_in_plane(corners)
+        # The weights, which add up to 1, of the point nearest to the origin in the plane through the corners.
+        count = len(corners)
+        system = np.zeros((count + 1, count + 1))
+        system[0, 1:] = system[1:, 0] = 1.0
+        system[1:, 1:] = corners @ corners.T
+        right_side = np.zeros(count + 1)
+        right_side[0] = 1.0
+        best = np.asarray(np.linalg.lstsq(system, right_side, rcond=None)[0][1:], dtype=np.float64)
         if (best > _MIN_WEIGHT).all():
             return corners, best
         falling = best <= _MIN_WEIGHT
@@ -274,14 +281,3 @@ def _nearest_in(corners: FloatArray, weights: FloatArray) -> tuple[FloatArray, F
         weights[falling & (weights <= weights[falling].min() + _MIN_WEIGHT)] = 0.0
         kept = weights > 0
         corners, weights = corners[kept], weights[kept] / weights[kept].sum()
-
-
-def _nearest_in_plane(corners: FloatArray) -> FloatArray:
-    """Return the weights, which add up to 1, of the point nearest to the origin in the plane through the corners."""
-    count = len(corners)
-    system = np.zeros((count + 1, count + 1))
-    system[0, 1:] = system[1:, 0] = 1.0
-    system[1:, 1:] = corners @ corners.T
-    right_side = np.zeros(count + 1)
-    right_side[0] = 1.0
-    return np.asarray(np.linalg.lstsq(system, right_side, rcond=None)[0][1:], dtype=np.float64)

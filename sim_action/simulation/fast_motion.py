@@ -115,7 +115,13 @@ class Parts:
         if not self.movers:
             return pairs
         first = len(self.links)
-        spares = self._mover_widths - self._mover_ways(block)
+        # Upper bounds (M,) in m on the motion of any point of each mover in a step.
+        ways = self._paths
+        if self.heavy:
+            ways = ways.copy()
+            moved = block.moved + block.turned * self._reaches
+            ways[: self.heavy] = np.where(block.moved > MAX_SPEED / self.scene.physics.rate, 0.0, moved).max(axis=0)
+        spares = self._mover_widths - ways
         heavy = spares[: self.heavy]
         if not self._links_only:
             pairs += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
@@ -132,15 +138,6 @@ class Parts:
         joints = (len(peaks) - 6) // 3
         speeds = (math.hypot(*peaks[:3]), math.hypot(*peaks[3:6]), *peaks[6 + joints : 6 + 2 * joints])
         return np.asarray(self._widths - self._ways @ speeds / self.scene.physics.rate, dtype=np.float64)
-
-    def _mover_ways(self, block: Block) -> FloatArray:
-        """Return upper bounds (M,) in m on the motion of any point of each mover in a step."""
-        ways = self._paths
-        if self.heavy:
-            ways = ways.copy()
-            moved = block.moved + block.turned * self._reaches
-            ways[: self.heavy] = np.where(block.moved > MAX_SPEED / self.scene.physics.rate, 0.0, moved).max(axis=0)
-        return ways
 
 
 class Block:

@@ -117,20 +117,17 @@ class Watchdog(Guard):
         if plainly and (trace.base_position_xyz[:, 2] > -self.depth).all():
             return trace, None
         with np.errstate(all="ignore"):
-            return self._judge(trace)
-
-    def _judge(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
-        # If joints and base fail in the same step, the joints are the cause: they move the base.
-        groups = list(self._joints(trace)), list(self._base(trace))
-        over = np.array([watch.excess >= 1 for group in groups for watch in group]).any(axis=0)
-        if not over.any():
-            return trace, None
-        first = int(np.argmax(over))
-        worst = (max(group, key=lambda watch: float(watch.excess[first])) for group in groups if group)
-        fault = next(watch.fault(first) for watch in worst if watch.excess[first] >= 1)
-        message = f"simulation unstable {self._when(float(trace.time[first]))}, {fault}"
-        unstable = SimulationUnstable(message, keys=("robot", "model"))
-        return trace.first(first), unstable
+            # If joints and base fail in the same step, the joints are the cause: they move the base.
+            groups = list(self._joints(trace)), list(self._base(trace))
+            over = np.array([watch.excess >= 1 for group in groups for watch in group]).any(axis=0)
+            if not over.any():
+                return trace, None
+            first = int(np.argmax(over))
+            worst = (max(group, key=lambda watch: float(watch.excess[first])) for group in groups if group)
+            fault = next(watch.fault(first) for watch in worst if watch.excess[first] >= 1)
+            message = f"simulation unstable {self._when(float(trace.time[first]))}, {fault}"
+            unstable = SimulationUnstable(message, keys=("robot", "model"))
+            return trace.first(first), unstable
 
     def _joints(self, trace: Trace) -> Iterator[_Watch]:
         physics, readings = self.physics, (trace.joint_position, trace.joint_velocity, trace.joint_effort)

@@ -413,7 +413,8 @@ class _Loop:
                 self._actors.forget()
             if failure is not None:
                 raise failure
-            speed = _fastest(trace)
+            last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
+            speed = float(np.concatenate(last).max())
             if speed < _REST_SPEED:
                 return
         if limit:
@@ -540,8 +541,3 @@ class _Loop:
         yield AccuracyWatch(scene, self._drive, self._springs)
         if is_crossed:
             yield Crossings(scene)
-
-
-def _fastest(trace: Trace) -> float:
-    last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
-    return float(np.concatenate(last).max())

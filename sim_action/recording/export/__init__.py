@@ -51,19 +51,16 @@ def wanted_formats(typed: Iterable[str]) -> tuple[str, ...]:
     for name in formats:
         if name not in EXPORTS:
             raise UsageError(escaped_line(f"--record: unknown format '{name}'{did_you_mean(name, EXPORTS)}"))
-        _refuse_without_packages(name, EXPORTS.load(name))
+        export = EXPORTS.load(name)
+        modules = dict.fromkeys(package.partition(".")[0] for package in export.packages)
+        missing = [package for package in modules if find_spec(package) is None]
+        if missing:
+            extra = export.extra
+            raise UsageError(
+                f"--record {name} needs a package that is not installed ({', '.join(missing)}): "
+                f"run pip install 'sim-action[{extra}]', or set the input 'extras: {extra}' in a workflow"
+            )
     return formats
-
-
-def _refuse_without_packages(name: str, export: type[Export]) -> None:
-    modules = dict.fromkeys(package.partition(".")[0] for package in export.packages)
-    missing = [package for package in modules if find_spec(package) is None]
-    if missing:
-        extra = export.extra
-        raise UsageError(
-            f"--record {name} needs a package that is not installed ({', '.join(missing)}): "
-            f"run pip install 'sim-action[{extra}]', or set the input 'extras: {extra}' in a workflow"
-        )
 
 
 def write_recordings(run: RecordedRun, paths: Iterable[Path]) -> Iterator[str]:

@@ -56,14 +56,11 @@ class RecordedRun:
         for body in self.scene.world.objects:
             if body.appears is not None or body.disappears is not None:
                 poses = poses_by_body[body.name] if body.name in poses_by_body else self._fixed(body)
-                poses_by_body[body.name] = np.where(self._is_there(body)[:, None], poses, np.nan)
+                rate = self.scene.physics.rate
+                first, gone = (step / rate - TIME_EPSILON_S for step in body.presence(rate))
+                is_there: NDArray[np.bool_] = (self.trace.time >= first) & (self.trace.time < gone)
+                poses_by_body[body.name] = np.where(is_there[:, None], poses, np.nan)
         return poses_by_body
-
-    def _is_there(self, body: Body) -> NDArray[np.bool_]:
-        rate = self.scene.physics.rate
-        first, gone = (step / rate - TIME_EPSILON_S for step in body.presence(rate))
-        is_there: NDArray[np.bool_] = (self.trace.time >= first) & (self.trace.time < gone)
-        return is_there
 
     def _fixed(self, body: Body) -> FloatArray:
         pose = placed(body, self.scene.parts_of(body))

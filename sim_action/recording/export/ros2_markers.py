@@ -45,9 +45,6 @@ class Marker:
         form.fixed("<f8", *self.pose.position_xyz, *self.pose.orientation_xyzw, *self.scale)
         form.fixed("<f4", *self.colour, 1.0).fixed("<i4", self.lifetime, 0).fixed("u1", not self.lifetime)
         form.fixed("<u4", self.points).gap("<f8", 3 * self.points)
-        self._add_what_is_empty(form)
-
-    def _add_what_is_empty(self, form: CdrForm) -> None:
         form.fixed("<u4", 0)  # colors
         form.string("").fixed("<i4", 0, 0).string("").string("").fixed("<u4", 0, 0)  # texture, uv_coordinates
         form.string("").string("").string("").fixed("<u4", 0).fixed("u1", 0)  # text, mesh_resource, mesh_file
@@ -210,7 +207,8 @@ def _add_shape(element: ET.Element, shape: Shape) -> None:
 
 
 def _add_joint(robot: ET.Element, joint: Joint) -> None:
-    element = ET.SubElement(robot, "joint", name=joint.name, type=_type(joint))
+    is_free = joint.type == "ball" or (joint.type == "revolute" and (joint.lower is None or joint.upper is None))
+    element = ET.SubElement(robot, "joint", name=joint.name, type="continuous" if is_free else joint.type)
     _add_origin(element, joint.origin)
     ET.SubElement(element, "parent", link=joint.parent)
     ET.SubElement(element, "child", link=joint.child)
@@ -225,11 +223,6 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
         limit = ET.SubElement(element, "limit", lower=_numbers(joint.lower), upper=_numbers(joint.upper))
         limit.set("effort", _numbers(joint.max_effort or 0.0))
         limit.set("velocity", _numbers(joint.max_velocity or 0.0))
-
-
-def _type(joint: Joint) -> str:
-    is_free = joint.type == "ball" or (joint.type == "revolute" and (joint.lower is None or joint.upper is None))
-    return "continuous" if is_free else joint.type
 
 
 def _add_origin(element: ET.Element, pose: Pose) -> None:

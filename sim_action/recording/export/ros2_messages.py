@@ -65,15 +65,11 @@ class CdrForm:
             numbers = np.ascontiguousarray(np.asarray(column).reshape(messages, count).astype(dtype))
             first = len(_HEADER) + offset
             table[:, first : first + dtype.itemsize * count] = numbers.view(np.uint8).reshape(messages, -1)
-        return _rows(table)
+        whole, size = table.tobytes(), table.shape[1]
+        return [whole[start : start + size] for start in range(0, len(whole), size)]
 
     def _align(self, size: int) -> None:
         self._text += bytes(-len(self._text) % size)
-
-
-def _rows(table: NDArray[np.uint8]) -> list[bytes]:
-    whole, size = table.tobytes(), table.shape[1]
-    return [whole[start : start + size] for start in range(0, len(whole), size)]
 
 
 _FIELDS: Final[Mapping[str, str]] = MappingProxyType(

@@ -120,25 +120,19 @@ class _Stage:
 
     def picture(self, moment: int) -> NDArray[np.uint8]:
         base = self._base(moment)
-        bodies = self._bodies(moment)
+        poses = {name: track[moment] for name, track in self._run.bodies.items()}
+        bodies = {name: _pose(numbers.tolist()) for name, numbers in poses.items() if np.isfinite(numbers).all()}
         moving = _placed((part for part in self._moving if part.owner in bodies), bodies)
-        solids = [*self._fixed, *moving, *self._placed_robot(base, moment)]
+        model, trace = self._run.scene.model, self._run.trace
+        positions = dict(zip(trace.joint_names, trace.joint_position[moment].tolist(), strict=True))
+        links = link_poses(model, {**model.positions({}), **positions})
+        frames = {name: geometry.compose(base, pose) for name, pose in links.items()}
+        solids = [*self._fixed, *moving, *_placed(self._robot, frames)]
         return draw(self._pinhole, self._camera.pose(base.position_xyz), solids).rgb.copy()
 
     def _base(self, moment: int) -> Pose:
         trace = self._run.trace
         return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
-
-    def _bodies(self, moment: int) -> dict[str, Pose]:
-        poses = {name: track[moment] for name, track in self._run.bodies.items()}
-        return {name: _pose(numbers.tolist()) for name, numbers in poses.items() if np.isfinite(numbers).all()}
-
-    def _placed_robot(self, base: Pose, moment: int) -> list[Placed]:
-        model, trace = self._run.scene.model, self._run.trace
-        positions = dict(zip(trace.joint_names, trace.joint_position[moment].tolist(), strict=True))
-        links = link_poses(model, {**model.positions({}), **positions})
-        frames = {name: geometry.compose(base, pose) for name, pose in links.items()}
-        return _placed(self._robot, frames)
 
 
 def _placed(parts: Iterable[Part], frames: dict[str, Pose]) -> list[Placed]:

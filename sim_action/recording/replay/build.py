@@ -219,25 +219,20 @@ def frames_of(
 ) -> Frames:
     """Return the frames of a trace and of moving bodies at `rate` Hz; `sliding`: prismatic joints; `aims`: commands."""
     steps = [_SLIDING if slides else _JOINT for slides in sliding]
-    return Frames(
-        time=Column.encoded(trace.time, 1 / rate),
-        base=_pose_columns(trace.base_position_xyz, trace.base_orientation_xyzw),
-        joints=tuple(Column.encoded(column, step) for column, step in zip(trace.joint_position.T, steps, strict=True)),
-        commanded=_commanded(trace, aims, steps),
-        speed=Column.encoded(trace.speed, _SPEED),
-        tilt=Column.encoded(trace.tilt, _JOINT),
-        tracks=tuple(_track(track, trace.time) for track in tracks),
-    )
-
-
-def _commanded(trace: Trace, aims: CommandedValues, steps: Sequence[float]) -> tuple[Column | None, ...]:
-    """Return a column per joint, None for a joint without position targets; nothing if no joint has one."""
     targets = [aims.at(name, trace.time) for name in trace.joint_names]
     columns = [
         Column.encoded(values, step) if np.isfinite(values).any() else None
         for values, step in zip(targets, steps, strict=True)
     ]
-    return tuple(columns) if any(columns) else ()
+    return Frames(
+        time=Column.encoded(trace.time, 1 / rate),
+        base=_pose_columns(trace.base_position_xyz, trace.base_orientation_xyzw),
+        joints=tuple(Column.encoded(column, step) for column, step in zip(trace.joint_position.T, steps, strict=True)),
+        commanded=tuple(columns) if any(columns) else (),
+        speed=Column.encoded(trace.speed, _SPEED),
+        tilt=Column.encoded(trace.tilt, _JOINT),
+        tracks=tuple(_track(track, trace.time) for track in tracks),
+    )
 
 
 def _track(track: Track, time: FloatArray) -> PoseColumns:

@@ -47,10 +47,7 @@ class GoldenData(FrozenModel):
         """Return True if the columns are complete and the run has `joints` joints or more than the largest index."""
         columns = (*self.base, *(column for _, column in self.joints))
         are_whole = all(column.fits(self.count) and column.is_motion for column in columns)
-        return self.time.rises and are_whole and self._has_joints(joints)
-
-    def _has_joints(self, joints: int) -> bool:
-        return all(index < joints for index, _ in self.joints)
+        return self.time.rises and are_whole and all(index < joints for index, _ in self.joints)
 
 
 MAX_CONTACTS: Final = 200

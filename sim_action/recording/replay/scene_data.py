@@ -196,19 +196,11 @@ class SceneData(FrozenModel):
 
 def scene_problems(scene: SceneData, joints: int, tracks: int) -> Iterator[str]:
     """Yield the inconsistencies of a scene with its numbers of joint columns and of tracks."""
-    yield from _of_links(scene, joints)
-    yield from _of_bodies(scene, tracks)
-
-
-def _of_links(scene: SceneData, joints: int) -> Iterator[str]:
     for number, link in enumerate(scene.links):
         if (link.parent is None) != (number == 0) or (link.parent or 0) >= max(1, number):
             yield "the first link must be the base, and each other link must have a parent before it"
         if link.joint is not None and link.joint.column >= joints:
             yield "a link moves by a joint column that does not exist"
-
-
-def _of_bodies(scene: SceneData, tracks: int) -> Iterator[str]:
     if any(body.track is not None and body.track >= tracks for body in scene.bodies):
         yield "a body refers to a track that does not exist"
     drawn = [owner.shapes for owner in scene.links] + [owner.shapes for owner in scene.bodies]

@@ -110,6 +110,9 @@ def _scan_data(log: ReadingLog, scans: list[LidarScan], link: int, budget: int, 
     scale = max(_STEP_M, float(f"{first.range_max / _MAX_STEPS:.1g}"))
     x, y, z = numbers(log.mounted.pose.position_xyz)
     qx, qy, qz, qw = numbers(log.mounted.pose.orientation_xyzw)
+    measured = np.isfinite(ranges)
+    steps = np.rint(np.where(measured, ranges, 0.0) / scale).astype(np.int64)
+    steps[~measured] = np.where(ranges[~measured] < 0, TOO_NEAR, NOTHING)
     return ScanData.model_construct(
         sensor=log.mounted.name,
         link=link,
@@ -120,7 +123,7 @@ def _scan_data(log: ReadingLog, scans: list[LidarScan], link: int, budget: int, 
         range=first.range_max,
         time=Column.encoded(times_of(kept), 1 / rate),
         scale=scale,
-        ranges=tuple(np.diff(_steps(ranges, scale), axis=0, prepend=0).ravel().tolist()),
+        ranges=tuple(np.diff(steps, axis=0, prepend=0).ravel().tolist()),
         every_scan=every_scan * log.every,
         every_ray=every_ray,
     )
@@ -143,13 +146,6 @@ def thinning(rate: float, scans: int, rays: int, budget: int) -> tuple[int, int]
             every_scan += 1
         else:
             every_ray += 1
-
-
-def _steps(ranges: FloatArray, scale: float) -> NDArray[np.int64]:
-    measured = np.isfinite(ranges)
-    steps = np.rint(np.where(measured, ranges, 0.0) / scale).astype(np.int64)
-    steps[~measured] = np.where(ranges[~measured] < 0, TOO_NEAR, NOTHING)
-    return steps
 
 
 MAX_PICTURE_BYTES: Final = 300_000  # the largest size of all pictures of a replay

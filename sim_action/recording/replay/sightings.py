@@ -144,7 +144,10 @@ class _Rays:
     def of(cls, scene: Scene, film: Trace, log: ReadingLog, scans: Sequence[LidarScan]) -> _Rays:
         """Return the returns of the scans of a log."""
         time, ranges, angles = times_of(scans), np.array([scan.ranges for scan in scans]), scans[0].angles
-        pose = geometry.compose(_link_poses(scene, film, log.mounted.link, time), log.mounted.pose)
+        motion = link_motion(scene.model, film, log.mounted.link or scene.model.root)
+        pose = geometry.compose(
+            _columns(poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw)), log.mounted.pose
+        )
         spread = np.where(np.isfinite(ranges), ranges, np.nan)
         x_axis, y_axis = (geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES[:2])
         points = np.empty((*ranges.shape, 3))
@@ -217,12 +220,6 @@ def _tall(column: FloatArray | float) -> FloatArray:
     return np.asarray(column, dtype=np.float64).reshape(-1, 1)
 
 
-def _link_poses(scene: Scene, film: Trace, link: str | None, time: FloatArray) -> Pose:
-    """Return the poses of a link at given times as columns."""
-    motion = link_motion(scene.model, film, link or scene.model.root)
-    return _columns(poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw))
-
-
 def _columns(poses: FloatArray) -> Pose:
     x, y, z, qx, qy, qz, qw = poses.T
     return Pose((x, y, z), (qx, qy, qz, qw))
@@ -255,7 +252,10 @@ def distance_to(parts: Sequence[Part], points_xyz: FloatArray) -> FloatArray:
             surfaces.append(Triangles(mesh.points_xyz, mesh.triangles))
     for surface in surfaces:
         if surface is not None:
-            nearest = np.minimum(nearest, _from_surface(surface, points_xyz))
+            triangles = surface.points_xyz[surface.corners]
+            most = max(1, _MAX_PAIRS // max(1, len(triangles)))
+            blocks = [_from_triangles(triangles, points_xyz[i : i + most]) for i in range(0, len(points_xyz), most)]
+            nearest = np.minimum(nearest, np.concatenate(blocks) if blocks else np.empty(0))
     return nearest
 
 
@@ -278,14 +278,6 @@ def seen_from(pose: Pose, points_xyz: FloatArray) -> FloatArray:
     axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES])
     turned: FloatArray = (points_xyz - pose.position_xyz) @ axes.T
     return turned
-
-
-def _from_surface(surface: Triangles, points_xyz: FloatArray) -> FloatArray:
-    """Return the distances from the nearest triangle."""
-    triangles = surface.points_xyz[surface.corners]
-    most = max(1, _MAX_PAIRS // max(1, len(triangles)))
-    blocks = [_from_triangles(triangles, points_xyz[i : i + most]) for i in range(0, len(points_xyz), most)]
-    return np.concatenate(blocks) if blocks else np.empty(0)
 
 
 def _from_triangles(triangles: FloatArray, points_xyz: FloatArray) -> FloatArray:

@@ -53,18 +53,15 @@ class VisualMeshes:
     def hulls(self, text: bytes) -> Triangles | None:
         """Return the convex hulls of a clean mesh (see `Shape`); None if none of them has a volume."""
         if text not in self._known_hulls:
-            self._known_hulls[text] = self._read_hulls(text)
+            entry = self._entry(text, "hulls")
+            surface = _stored(entry)
+            if surface is None:
+                surface = hull_surface(read_hull_points(text))
+                if surface is not None:
+                    surface = simplified(surface, self._most)
+                    _store(surface, entry)
+            self._known_hulls[text] = surface
         return self._known_hulls[text]
-
-    def _read_hulls(self, text: bytes) -> Triangles | None:
-        entry = self._entry(text, "hulls")
-        surface = _stored(entry)
-        if surface is None:
-            surface = hull_surface(read_hull_points(text))
-            if surface is not None:
-                surface = simplified(surface, self._most)
-                _store(surface, entry)
-        return surface
 
     def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
         for name, (points, corners) in surfaces_of(mjcf).items():

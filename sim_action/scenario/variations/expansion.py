@@ -58,7 +58,13 @@ def labels(keys: Sequence[str]) -> dict[str, str]:
 def texts(values: ValueList) -> tuple[str, ...]:
     """Return the text of each value in names; a long or structured value is replaced by its number in the list."""
     if values.rounded:
-        return _told_apart([_rounding(value) for value in values.values])
+        # As many digits as make the numbers different.
+        roundings = [_rounding(value) for value in values.values]
+        for digits in range(_MIN_DIGITS, _MAX_DIGITS + 1):
+            rounded = tuple(rounding(digits) for rounding in roundings)
+            if len(set(rounded)) == len(rounded):
+                return rounded
+        return tuple(f"{text}#{number}" for number, text in enumerate(rounded, start=1))
     listed = {repr(value): value for value in values.choices or values.values}
     written = {key: _written(value) for key, value in listed.items()}
     count = Counter(written.values())
@@ -73,15 +79,6 @@ def _label(steps: list[str], others: list[list[str]]) -> str:
     sizes = range(1, len(steps) + 1)
     size = next((size for size in sizes if all(other[-size:] != steps[-size:] for other in others)), len(steps))
     return ".".join(steps[-size:])
-
-
-def _told_apart(roundings: Sequence[Callable[[int], str]]) -> tuple[str, ...]:
-    """Return all numbers with as many digits as make them different."""
-    for digits in range(_MIN_DIGITS, _MAX_DIGITS + 1):
-        rounded = tuple(rounding(digits) for rounding in roundings)
-        if len(set(rounded)) == len(rounded):
-            return rounded
-    return tuple(f"{text}#{number}" for number, text in enumerate(rounded, start=1))
 
 
 def _rounding(value: float | str) -> Callable[[int], str]:

@@ -67,24 +67,21 @@ class CsvFiles:
     def table(self, reference: str) -> _Table:
         """Return the rows of a file. Raises ValuesError."""
         if reference not in self._tables:
-            self._tables[reference] = self._read(reference)
+            try:
+                path = self._workspace.file(reference)
+            except PathError as error:
+                raise ValuesError(f"{error}{similar_name(self._workspace.directory / reference)}", ("csv",)) from None
+            name = name_beside(self._file, reference, path)
+            try:
+                data = read_at_most(path, MAX_CSV_BYTES)
+            except OSError as error:
+                raise ValuesError(f"{name} cannot be read: {error.strerror}", ("csv",)) from None
+            if data is None:
+                raise ValuesError(
+                    f"{name} has more than {MAX_CSV_BYTES // 1_000_000} MB; keep the rows to run only", ("csv",)
+                )
+            self._tables[reference] = _Table.of(name, data)
         return self._tables[reference]
-
-    def _read(self, reference: str) -> _Table:
-        try:
-            path = self._workspace.file(reference)
-        except PathError as error:
-            raise ValuesError(f"{error}{similar_name(self._workspace.directory / reference)}", ("csv",)) from None
-        name = name_beside(self._file, reference, path)
-        try:
-            data = read_at_most(path, MAX_CSV_BYTES)
-        except OSError as error:
-            raise ValuesError(f"{name} cannot be read: {error.strerror}", ("csv",)) from None
-        if data is None:
-            raise ValuesError(
-                f"{name} has more than {MAX_CSV_BYTES // 1_000_000} MB; keep the rows to run only", ("csv",)
-            )
-        return _Table.of(name, data)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +180,7 @@ def value_list(
     draw = _draw(stated)
     if isinstance(draw, CsvColumn):
         return _of_csv(key, draw, runs, files)
-    generator, count = _generator(key, seed), _count(draw, runs)
+    generator, count = Random(f"variations {key} {seed}"), _count(draw, runs)
     if key == SEED:
         return _seeds(draw, count, generator)
     if isinstance(draw, Choice):
@@ -297,10 +294,6 @@ def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
     return ValueList(tuple(seeds), True, draw.advice)
 
 
-def _generator(key: str, seed: int) -> Random:
-    return Random(f"variations {key} {seed}")
-
-
 def _refuse_twins(values: tuple[object, ...], path: KeyPath = (), remedy: str = "") -> None:
     seen: set[str] = set()
     for index, value in enumerate(values):
@@ -349,7 +342,12 @@ _MULTIPLIERS: Final = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)
 def scrambled_points(dimension: int, count: int, scramble: int) -> Iterator[float]:
     """Yield the first points of a dimension between 0 and 1, exclusive; `scramble`: a random number of 32 bits."""
     for point in points(dimension, count):
-        yield (_reversed(_permuted(_reversed(point), scramble)) + 0.5) / 2**BITS
+        # A permutation of all numbers of 32 bits, in which each bit depends on the bits below it alone.
+        number = _reversed(point)
+        number = number + scramble & _MASK
+        for multiplier in _MULTIPLIERS:
+            number ^= number * multiplier & _MASK
+        yield (_reversed(number) + 0.5) / 2**BITS
 
 
 def points(dimension: int, count: int) -> Iterator[int]:
@@ -377,14 +375,6 @@ def _directions(dimension: int) -> tuple[int, ...]:
                 direction ^= directions[place - step]
         directions.append(direction)
     return tuple(directions)
-
-
-def _permuted(number: int, scramble: int) -> int:
-    """Return a permutation of all numbers of 32 bits, in which each bit depends on the bits below it alone."""
-    number = number + scramble & _MASK
-    for multiplier in _MULTIPLIERS:
-        number ^= number * multiplier & _MASK
-    return number
 
 
 def _reversed(number: int) -> int:
