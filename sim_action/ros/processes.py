@@ -46,21 +46,18 @@ class ChildProcesses:
         try:
             count = os.stat(self._tasks).st_nlink  # noqa: PTH116 - looked at thousands of times
             if count != self._count:
-                self._reopen()
+                for descriptor in self._open:
+                    os.close(descriptor)
+                self._open = []
+                for thread in os.listdir(self._tasks):  # noqa: PTH208 - names are wanted
+                    with suppress(OSError):
+                        self._open.append(os.open(f"{self._tasks}/{thread}/children", os.O_RDONLY | os.O_CLOEXEC))
                 self._count = count
             texts = [os.pread(descriptor, _READ_BYTES, 0) for descriptor in self._open]
         except OSError:
             self._count = -1
             return frozenset()
         return frozenset(int(word) for words in texts for word in words.split())
-
-    def _reopen(self) -> None:
-        for descriptor in self._open:
-            os.close(descriptor)
-        self._open = []
-        for thread in os.listdir(self._tasks):  # noqa: PTH208 - names are wanted
-            with suppress(OSError):
-                self._open.append(os.open(f"{self._tasks}/{thread}/children", os.O_RDONLY | os.O_CLOEXEC))
 
 
 def children(pid: int) -> frozenset[int]:
@@ -162,7 +159,8 @@ class WatchedProcesses:
     """The processes to wait for, but not our thread `spared`; `at_rest`: threads -> how often each had run then."""
 
     def __init__(self, spared: int) -> None:
-        _allow_many_files()
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
         self._spared = spared
         self._threads: dict[int, dict[int, WatchedThread]] = {}
         self.at_rest: Mapping[WatchedThread, bytes] = {}
@@ -247,7 +245,13 @@ class WatchedProcesses:
         """Return the current threads of a process."""
         if not self._knows_all_of(pid):
             try:
-                self._find_threads(pid)
+                tids = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
+                threads = self._threads[pid]
+                for tid in set(threads) - tids:
+                    self._forget_thread(threads[tid])
+                for tid in tids - set(threads):
+                    with suppress(*_ENDED):
+                        threads[tid] = WatchedThread(pid, tid)
             except _ENDED:
                 self._forget(pid)
                 return ()
@@ -260,15 +264,6 @@ class WatchedProcesses:
         except OSError:
             return False
         return entries == _OWN_LINKS + len(self._threads[pid]) + (pid == os.getpid())
-
-    def _find_threads(self, pid: int) -> None:
-        tids = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
-        threads = self._threads[pid]
-        for tid in set(threads) - tids:
-            self._forget_thread(threads[tid])
-        for tid in tids - set(threads):
-            with suppress(*_ENDED):
-                threads[tid] = WatchedThread(pid, tid)
 
     def _forget_thread(self, thread: WatchedThread) -> None:
         self._threads[thread.pid].pop(thread.tid).close()
@@ -287,11 +282,6 @@ def _is_awake(thread: WatchedThread) -> bool:
 
 def _runs(ran: bytes) -> int:
     return int(ran.split()[2])
-
-
-def _allow_many_files() -> None:
-    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def _wait_for(thread: WatchedThread, deadline: float) -> None:

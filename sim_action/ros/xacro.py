@@ -23,7 +23,13 @@ _FALLBACKS: Final = Path(__file__).parent / "ros1/launch/packages"
 
 def main(words: Sequence[str] | None = None) -> int:
     """Expand a file, and return the exit code. An error is one line on standard error that begins with `xacro:`."""
-    asked, others = _parser().parse_known_args(words)
+    parser = argparse.ArgumentParser("xacro", allow_abbrev=False)
+    parser.add_argument("file")
+    parser.add_argument("-o", dest="output")
+    for ignored in (("--inorder", "-i"), ("--xacro-ns",), ("--check-order",), ("-q",), ("-v",)):
+        parser.add_argument(*ignored, action="store_true")
+    parser.add_argument("--verbosity")
+    asked, others = parser.parse_known_args(words)
     arguments = dict(word.split(":=", 1) for word in others if ":=" in word)
     path = Path(asked.file)
     try:
@@ -36,16 +42,6 @@ def main(words: Sequence[str] | None = None) -> int:
     else:
         sys.stdout.write(text)
     return 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("xacro", allow_abbrev=False)
-    parser.add_argument("file")
-    parser.add_argument("-o", dest="output")
-    for ignored in (("--inorder", "-i"), ("--xacro-ns",), ("--check-order",), ("-q",), ("-v",)):
-        parser.add_argument(*ignored, action="store_true")
-    parser.add_argument("--verbosity")
-    return parser
 
 
 def _expanded(path: Path, arguments: Mapping[str, str]) -> Expansion:

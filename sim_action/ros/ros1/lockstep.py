@@ -175,7 +175,9 @@ class Lockstep:
         while (missing := self._missing()) and not is_wanted():
             self._end_if_over()
             if time.monotonic() > deadline:
-                self._give_up(missing)
+                self._given_up.update(missing)
+                late = f"did not become a ROS node within {self._newcomers_within:g} s of wall time"
+                self.notes += (f"'{process_name(pid)}' {late}; the clock does not wait for it" for pid in missing)
             time.sleep(_POLL_S)
         while (unconnected := self._master.first_unconnected(self._master.graph())) and time.monotonic() < deadline:
             time.sleep(_POLL_S)
@@ -196,7 +198,9 @@ class Lockstep:
         if ended := self._siblings - siblings:
             self._gone(ended)
         self._siblings = siblings
-        self._note_tests(siblings)
+        if self._tests and self._tests.keys().isdisjoint(siblings):
+            raise TestFinished("the test has finished")
+        self._tests = {pid: path for pid in siblings if (path := rostest_result_path(pid))}
         graph = self._master.graph()
         self._pids = graph.pids
         nodes = frozenset(graph.pids.values())
@@ -204,16 +208,6 @@ class Lockstep:
         self._watched.watch({*nodes, graph.master, os.getpid()})
         others = siblings - nodes - self._given_up - {graph.master}
         return sorted(pid for pid in others if nodes.isdisjoint(descendants(pid)))
-
-    def _note_tests(self, siblings: frozenset[int]) -> None:
-        if self._tests and self._tests.keys().isdisjoint(siblings):
-            raise TestFinished("the test has finished")
-        self._tests = {pid: path for pid in siblings if (path := rostest_result_path(pid))}
-
-    def _give_up(self, missing: Iterable[int]) -> None:
-        self._given_up.update(missing)
-        late = f"did not become a ROS node within {self._newcomers_within:g} s of wall time"
-        self.notes += (f"'{process_name(pid)}' {late}; the clock does not wait for it" for pid in missing)
 
     def _lose(self, seconds: float) -> None:
         if self.is_kept:

@@ -259,7 +259,10 @@ class DrivenNodes:
         """Let the nodes of all robots hear of a sim time in s, and pass on what they send. Raise BridgeEnded."""
         if self._is_realtime:
             self.lockstep.tell_time(seconds)
-            self._sleep_until(seconds)
+            now = time.monotonic()
+            if self._started_at is None:
+                self._started_at = now - seconds
+            time.sleep(max(0.0, self._started_at + seconds - now))
         else:
             self.lockstep.advance(seconds)
         received, listeners = self._bridge.take(self.lockstep.clocks)
@@ -428,12 +431,6 @@ class DrivenNodes:
         problem = large_message_problem(topic, size)
         if problem and self._bridge.matched()[0][number]:
             self.not_reproducible.append(problem)
-
-    def _sleep_until(self, seconds: float) -> None:
-        now = time.monotonic()
-        if self._started_at is None:
-            self._started_at = now - seconds
-        time.sleep(max(0.0, self._started_at + seconds - now))
 
     def _await_leaving(self, listeners: list[int]) -> None:
         """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock."""

@@ -226,7 +226,8 @@ def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -
 
 def _places(variables: Mapping[str, str], root: Path) -> Iterator[_Place]:
     """Yield the places with rclpy, best first. Raise UsageError if the named Python has none."""
-    prefixes = _prefixes(variables)
+    stated = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    prefixes = tuple(dict.fromkeys(path for path in map(Path, filter(None, stated)) if path.is_absolute()))
     sourced = _Place(prefixes, "the sourced environment")
     # Without rclpy, these are workspaces on top of one of the other places.
     users = () if any(map(_has_rclpy, prefixes)) else prefixes
@@ -284,11 +285,6 @@ def _check_parts(place: _Place, location: str, distribution: str) -> None:
         apt = f"sudo apt-get install {' '.join(f'ros-{distribution}-{name}' for name in missing).replace('_', '-')}"
         fix = wheels if _is_of_wheels(prefix) else apt
         raise UsageError(f"the ROS 2 {distribution} in {location} has no {', no '.join(missing)}; run {fix}")
-
-
-def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
-    stated = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return tuple(dict.fromkeys(path for path in map(Path, filter(None, stated)) if path.is_absolute()))
 
 
 def _has_rclpy(prefix: Path) -> bool:

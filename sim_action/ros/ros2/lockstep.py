@@ -263,7 +263,13 @@ class Readiness:
             self._refuse_ended()
             ends = (*self._bridge.published, *self._bridge.heard)
             graph = self._bridge.graph({*watched, *(end.topic for end in ends)})
-            missing = self._missing_connections(graph)
+            # The topics on which not all ends that can connect have done so, each with the nodes in question.
+            publishers, subscriptions = self._bridge.matched()
+            ours = zip(self._bridge.published, publishers, strict=True)
+            theirs = zip(self._bridge.heard, subscriptions, strict=True)
+            sides = [(own.topic, count, _fitting(own, graph.subscriptions[own.topic])) for own, count in ours]
+            sides += [(own.topic, count, graph.publishers[own.topic]) for own, count in theirs]
+            missing = [(topic, _one_of(ends)) for topic, count, ends in sides if count < len(ends)]
             if missing and time.monotonic() > self._deadline:
                 within = f"within {self._start_within:g} s of wall time"
                 self.losses += [f"{node} was not connected to the robot on {topic} {within}" for topic, node in missing]
@@ -271,15 +277,6 @@ class Readiness:
             if missing or graph != before:
                 before, calm_since = graph, time.monotonic()
             time.sleep(_READY_POLL_S)
-
-    def _missing_connections(self, graph: Graph) -> list[tuple[str, str]]:
-        """Return the topics on which not all ends that can connect have done so, each with the nodes in question."""
-        publishers, subscriptions = self._bridge.matched()
-        ours = zip(self._bridge.published, publishers, strict=True)
-        theirs = zip(self._bridge.heard, subscriptions, strict=True)
-        sides = [(own.topic, count, _fitting(own, graph.subscriptions[own.topic])) for own, count in ours]
-        sides += [(own.topic, count, graph.publishers[own.topic]) for own, count in theirs]
-        return [(topic, _one_of(ends)) for topic, count, ends in sides if count < len(ends)]
 
 
 def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> Sequence[TopicEnd]:

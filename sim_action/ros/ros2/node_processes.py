@@ -127,15 +127,12 @@ class ProcessFolder:
             for process in self._started:
                 if process.exit_code() is None:
                     process.signal_group(number)
-            self._await_ends(wait_s)
+            deadline = time.monotonic() + wait_s
+            while any(process.exit_code() is None for process in self._started) and time.monotonic() < deadline:
+                time.sleep(_POLL_S)
         for process in self._started:
             process.close()
         self._scratch.cleanup()
-
-    def _await_ends(self, seconds: float) -> None:
-        deadline = time.monotonic() + seconds
-        while any(process.exit_code() is None for process in self._started) and time.monotonic() < deadline:
-            time.sleep(_POLL_S)
 
 
 class LaunchedProcess:

@@ -458,15 +458,12 @@ def _install(package: PythonPackage, prefix: Path, python: Path) -> None:
         text = (
             f"import sys\n\nfrom {module} import {first}\n\nsys.exit({function}())\n" if first else f"import {module}\n"
         )
-        _write_program(programs / name, python, text)
+        path = programs / name
+        # A first line with the path of Python would be limited in length and could have no blanks.
+        path.write_text(f"#!/bin/sh\n'''exec' \"{python}\" \"$0\" \"$@\"\n' '''\n{text}", encoding="utf-8")
+        path.chmod(0o755)
     for script in package.scripts:
         (programs / script.name).symlink_to(script)
-
-
-def _write_program(path: Path, python: Path, text: str) -> None:
-    # A first line with the path of Python would be limited in length and could have no blanks.
-    path.write_text(f"#!/bin/sh\n'''exec' \"{python}\" \"$0\" \"$@\"\n' '''\n{text}", encoding="utf-8")
-    path.chmod(0o755)
 
 
 def _folders(folder: Path) -> list[Path]:

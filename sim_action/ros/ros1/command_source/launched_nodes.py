@@ -147,7 +147,19 @@ class LaunchedNodes:
 
     def _look(self) -> None:
         for event in self._events.new():
-            self._take(event)
+            if event.is_failure:
+                raise self._failure(event)
+            if event.event == "died":
+                self._exited.add(event.pid)
+            elif event.event == "started":
+                self.launcher, self._core = event.pid, frozenset(event.core)
+            elif event.event == "read":
+                if event.left_out:
+                    left = ", ".join(dict.fromkeys(event.left_out))
+                    self.notes.append(f"not launched, because sim-action is the simulator: {left}")
+                if event.losses and not self._spec.allow_losses:
+                    raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
+                self.losses += event.losses
 
     def end_error(self) -> ScriptError:
         """Return the error for a launcher that ended without an event, or a master that does not answer any more."""
@@ -183,21 +195,6 @@ class LaunchedNodes:
                     raise self._error(f"{what} within {seconds:g} s of wall time")
                 return
             time.sleep(_POLL_S)
-
-    def _take(self, event: Event) -> None:
-        if event.is_failure:
-            raise self._failure(event)
-        if event.event == "died":
-            self._exited.add(event.pid)
-        elif event.event == "started":
-            self.launcher, self._core = event.pid, frozenset(event.core)
-        elif event.event == "read":
-            if event.left_out:
-                left = ", ".join(dict.fromkeys(event.left_out))
-                self.notes.append(f"not launched, because sim-action is the simulator: {left}")
-            if event.losses and not self._spec.allow_losses:
-                raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
-            self.losses += event.losses
 
     def _failure(self, event: Event) -> ScriptError:
         """Return the error for a node that has ended, or for a launch file that was refused."""
@@ -333,22 +330,18 @@ def launch_text(nodes: Iterable[NodeSpec]) -> str:
     """Return the text of a launch file that starts the nodes (wiki.ros.org/roslaunch/XML)."""
     launch = ET.Element("launch")
     for node in nodes:
-        _add(launch, node)
+        element = ET.SubElement(launch, "node", pkg=node.package, type=node.type, name=node.called)
+        if node.args:
+            element.set("args", node.args)
+        if node.namespace:
+            element.set("ns", node.namespace)
+        if node.required:
+            element.set("required", "true")
+        for name, other in node.remap.items():
+            # `from` is a keyword of Python.
+            ET.SubElement(element, "remap", {"from": name, "to": other})
+        if node.params:
+            # roslaunch reads it with the same library. JSON would not do: its 1e-6 is text in YAML 1.1.
+            ET.SubElement(element, "rosparam").text = yaml.safe_dump(node.params)
     ET.indent(launch)
     return ET.tostring(launch, encoding="unicode") + "\n"
-
-
-def _add(launch: ET.Element, node: NodeSpec) -> None:
-    element = ET.SubElement(launch, "node", pkg=node.package, type=node.type, name=node.called)
-    if node.args:
-        element.set("args", node.args)
-    if node.namespace:
-        element.set("ns", node.namespace)
-    if node.required:
-        element.set("required", "true")
-    for name, other in node.remap.items():
-        # `from` is a keyword of Python.
-        ET.SubElement(element, "remap", {"from": name, "to": other})
-    if node.params:
-        # roslaunch reads it with the same library. JSON would not do: its 1e-6 is text in YAML 1.1.
-        ET.SubElement(element, "rosparam").text = yaml.safe_dump(node.params)

@@ -156,28 +156,22 @@ class Watch:
             if interruption.happened:
                 return "interrupted"
             if self._waits_for_progress:
-                self._look_at_progress()
-            self._look_at_limits()
+                # Put the deadline off by the time in which the sim time has moved on.
+                progress = max(map(_progress_ns, run_folders(self._launch.folder)[-1:]), default=0)
+                if progress != self._progress:
+                    now = time.monotonic()
+                    # The wait for the first progress counts: it is the start of the simulation.
+                    if self._progress:
+                        self._deadline += now - self._progressed_at
+                    self._progress, self._progressed_at = progress, now
+            is_late, size = time.monotonic() > self._deadline, self._launch.output.stat().st_size
+            if self._ending == "over" and (is_late or size > _MAX_OUTPUT_BYTES):
+                self._ending = "wall limit" if is_late else "output limit"
+                self._interrupt()
             self._look_at_runs()
             if self._interrupted_at is not None and time.monotonic() > self._interrupted_at + _MAX_SHUTDOWN_S:
                 break
         return self._ending
-
-    def _look_at_progress(self) -> None:
-        """Put the deadline off by the time in which the sim time has moved on."""
-        progress = max(map(_progress_ns, run_folders(self._launch.folder)[-1:]), default=0)
-        if progress != self._progress:
-            now = time.monotonic()
-            # The wait for the first progress counts: it is the start of the simulation.
-            if self._progress:
-                self._deadline += now - self._progressed_at
-            self._progress, self._progressed_at = progress, now
-
-    def _look_at_limits(self) -> None:
-        is_late, size = time.monotonic() > self._deadline, self._launch.output.stat().st_size
-        if self._ending == "over" and (is_late or size > _MAX_OUTPUT_BYTES):
-            self._ending = "wall limit" if is_late else "output limit"
-            self._interrupt()
 
     def _interrupt(self) -> None:
         if self._interrupted_at is None:

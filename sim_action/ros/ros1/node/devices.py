@@ -46,35 +46,27 @@ def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     wiring.add_mover(lambda _seconds, _seen: subscription.value)
     yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
     if plugin.own.flag("publishWheelJointState", default=False):
-        yield _wheel_states(plugin, wiring)
+        # The publisher of the positions of the wheels.
+        publisher = wiring.publisher(f"{plugin.space}/joint_states", JointState)
+        moving = {joint.name for joint in wiring.model.moving_joints}
+        names = [name for tag in ("leftJoint", "rightJoint") for name in plugin.own.texts(tag) if name in moving]
+
+        def publish(seconds: float, seen: Observation) -> None:
+            positions = [seen.joints[name].position for name in names]
+            publisher.send({"header": header(seconds, ""), "name": names, "position": positions})
+
+        yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
 
 
-def _wheel_states(plugin: Plugin, wiring: Wiring) -> Device:
-    """Return the publisher of the positions of the wheels."""
-    publisher = wiring.publisher(f"{plugin.space}/joint_states", JointState)
-    moving = {joint.name for joint in wiring.model.moving_joints}
-    names = [name for tag in ("leftJoint", "rightJoint") for name in plugin.own.texts(tag) if name in moving]
-
-    def publish(seconds: float, seen: Observation) -> None:
-        positions = [seen.joints[name].position for name in names]
-        publisher.send({"header": header(seconds, ""), "name": names, "position": positions})
-
-    return Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
-
-
-def _variances(plugin: Plugin) -> tuple[float, ...]:
-    """Return the variances of odometry, as the plugins of Gazebo state them: x, y and yaw are known."""
+def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
+    """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
+    # The variances of odometry, as the plugins of Gazebo state them: x, y and yaw are known.
     if plugin.name == "gazebo_ros_skid_steer_drive":
         x, y = (plugin.own.number(f"covariance_{axis}", default=1e-4) for axis in "xy")
         yaw = plugin.own.number("covariance_yaw", default=0.01)
     else:
         x, y, yaw = 1e-5, 1e-5, 1e-3
-    return x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw
-
-
-def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
-    """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
-    own, variances = plugin.own, diagonal(_variances(plugin))
+    own, variances = plugin.own, diagonal((x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw))
     is_skid_steer = plugin.name == "gazebo_ros_skid_steer_drive"
     odometry = OdometryPublisher(
         plugin.topic("odometryTopic", default="odom"),

@@ -121,7 +121,14 @@ class Bridge:
 
     def _answer(self, seen: Observation) -> Answer:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
-        self._note(seconds, seen)
+        states, current = states_in(seen), self._session.current
+        current.time = seconds
+        current.model_states = {
+            **states.bodies,
+            self._robot: (self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)),
+        }
+        current.base = seen.pose, seen.twist
+        current.joints = dict(seen.joints)
         self._hold()
         self._wall_clock.look()
         self._publish(seconds, tick, seen)
@@ -157,16 +164,6 @@ class Bridge:
         if links := states_in(seen).links_of_models(self._robot):
             topics.publish_links(links)
         topics.publish_time(seconds)
-
-    def _note(self, seconds: float, seen: Observation) -> None:
-        states, current = states_in(seen), self._session.current
-        current.time = seconds
-        current.model_states = {
-            **states.bodies,
-            self._robot: (self._frame.pose(seen.pose), self._frame.twist(seen.pose, seen.twist)),
-        }
-        current.base = seen.pose, seen.twist
-        current.joints = dict(seen.joints)
 
     def _stand_still(self, seconds: float) -> None:
         session = self._session

@@ -163,7 +163,11 @@ class _Server:
                 self._notes.append(
                     f"{over} at {self._current.time:g} s of sim time: everything that moved continued from rest"
                 )
-            self._make_changes()
+            self._current.world_models, restarts = self._changes.apply(self._current.models_now())
+            if restarts:
+                self._current.time = 0.0
+            self._current.began = self._current.time
+            self._await_robot()
 
     def _run(self, episode: Episode) -> None:
         """Run one episode. Raises RunError."""
@@ -195,14 +199,6 @@ class _Server:
                     raise _NoRobot(f"no node has spawned a robot {within}: {_SPAWN_ADVICE}")
                 began = time.monotonic()
             time.sleep(_POLL_S)
-
-    def _make_changes(self) -> None:
-        """Apply the pending changes to the current models."""
-        self._current.world_models, restarts = self._changes.apply(self._current.models_now())
-        if restarts:
-            self._current.time = 0.0
-        self._current.began = self._current.time
-        self._await_robot()
 
     def _all_losses(self) -> tuple[Loss, ...]:
         spawned = self._services.losses if self._services else ()

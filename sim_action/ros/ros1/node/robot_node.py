@@ -102,7 +102,12 @@ class RobotNode:
         """Publish a moment, let the nodes handle it, and return the last command. Raises ScriptError."""
         try:
             if not self._has_begun:
-                self._begin()
+                # Hold the clock until all nodes are up.
+                self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
+                # Commands from before the start arrive or not, depending on which node came up first.
+                self._subscription.begin()
+                self._traffic.begin()
+                self._has_begun = True
             self._wall_clock.look()
             self._publish(seen)
             self._lockstep.deliver(seen.time, self._traffic.undelivered())
@@ -120,14 +125,6 @@ class RobotNode:
         why = () if self._is_driven else self._why_not_driven()
         self._nodes.close()
         self.notes += [*self._nodes.notes, *self._lockstep.notes, *why]
-
-    def _begin(self) -> None:
-        """Hold the clock until all nodes are up."""
-        self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
-        # Commands from before the start arrive or not, depending on which node came up first.
-        self._subscription.begin()
-        self._traffic.begin()
-        self._has_begun = True
 
     def _publish(self, seen: Observation) -> None:
         """Publish a moment, the clock last."""

@@ -34,11 +34,14 @@ def spawn() -> int:
         rospy.logwarn("spawn_model: unknown arguments: %s", " ".join(unknown))
     space = asked.gazebo_namespace.rstrip("/")
     try:
-        description = _description(asked)
+        text = _text(asked)
+        description = text.replace("package://", "model://") if asked.package_to_model else text
     except (OSError, KeyError) as error:
         return _complain(f"there is no model to spawn: {error}")
     if asked.wait:
-        _await_model(space, asked.wait)
+        look = _service(space, "get_world_properties", GetWorldProperties)
+        while asked.wait not in look().model_names and not rospy.is_shutdown():
+            time.sleep(_POLL_S)
     for answer in _answers(space, asked, description):
         if not answer.success:
             return _complain(answer.status_message)
@@ -47,12 +50,6 @@ def spawn() -> int:
     if asked.b:
         _stay(space, asked.model)
     return 0
-
-
-def _await_model(space: str, name: str) -> None:
-    look = _service(space, "get_world_properties", GetWorldProperties)
-    while name not in look().model_names and not rospy.is_shutdown():
-        time.sleep(_POLL_S)
 
 
 def _answers(space: str, asked: argparse.Namespace, description: str) -> Iterator[Any]:
@@ -96,11 +93,6 @@ def _is_there(service: str) -> bool:
         code, *_ = rospy.get_master().lookupService(service)
         return bool(code == _SUCCESS)
     return False
-
-
-def _description(asked: argparse.Namespace) -> str:
-    text = _text(asked)
-    return text.replace("package://", "model://") if asked.package_to_model else text
 
 
 def _text(asked: argparse.Namespace) -> str:

@@ -67,7 +67,10 @@ class Traffic:
         posted, self._posted = self._posted, []
         ourselves = rospy.get_name()
         for topic, message in posted:
-            data = _serialized(topic, message)
+            buffer = BytesIO()
+            topic.seq += 1
+            serialize_message(buffer, topic.seq, message)
+            data = buffer.getvalue()
             connections = sorted(topic.connections, key=attrgetter("endpoint_id"))
             for connection in connections:
                 if connection.endpoint_id in (ourselves, _LOG_NODE):
@@ -99,13 +102,6 @@ class Traffic:
     def _deliver(self, connection: Any, data: bytes) -> None:
         self.deliveries += 1
         _write(connection, data)
-
-
-def _serialized(topic: Any, message: Any) -> bytes:
-    buffer = BytesIO()
-    topic.seq += 1
-    serialize_message(buffer, topic.seq, message)
-    return buffer.getvalue()
 
 
 def _write(connection: Any, data: bytes) -> None:

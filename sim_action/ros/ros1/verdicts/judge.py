@@ -307,7 +307,9 @@ def _causes(test: TestFindings, findings: Findings, where: Location | None) -> I
         yield run.result.failure
     yield from _of_file(findings, where)
     if run is not None and run.result is None:
-        yield from _of_simulation(findings, where)
+        for death in deaths(findings.text):
+            if death.node == _SIMULATION_NODE:
+                yield _failure("crash", "simulation ended", _described(death, findings), where, findings)
     yield from _of_processes(test, findings, where)
     far = how_far(run)
     yield _failure("crash", "no result", f"the test left no result; {far}", where, findings)
@@ -338,12 +340,6 @@ def _of_file(findings: Findings, where: Location | None) -> Iterator[Failure]:
         yield _failure("invalid", "no such package", message, where, findings)
     if wrong := refusal(findings.text):
         yield _failure("invalid", LAUNCH_ERROR, wrong, where, findings)
-
-
-def _of_simulation(findings: Findings, where: Location | None) -> Iterator[Failure]:
-    for death in deaths(findings.text):
-        if death.node == _SIMULATION_NODE:
-            yield _failure("crash", "simulation ended", _described(death, findings), where, findings)
 
 
 def _of_processes(test: TestFindings, findings: Findings, where: Location | None) -> Iterator[Failure]:

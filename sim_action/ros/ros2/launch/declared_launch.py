@@ -70,7 +70,15 @@ class _Launcher:
                 os.read(self._signals, _READ_BYTES)
                 self._reap()
             if self._times in ready:
-                self._advance(float(os.read(self._times, _READ_BYTES).split()[-1]))
+                # Run timers that are due.
+                seconds = float(os.read(self._times, _READ_BYTES).split()[-1])
+                self._context.now = seconds
+                due = sorted((pair for pair in self._context.timers if pair[0] <= seconds), key=lambda pair: pair[0])
+                self._context.timers = [pair for pair in self._context.timers if pair[0] > seconds]
+                self._timers = len(self._context.timers)
+                for _, actions in due:
+                    self._visit(actions)
+                self._settle(seconds)
 
     def end(self) -> None:
         """Wait until the processes have ended after SIGINT, and print what they say."""
@@ -160,16 +168,6 @@ class _Launcher:
                     raise unsupported(f"'respawn' of '{name}', which has ended,")
                 self._handle_exit(action, facts, 0)
             self.tell("died", process=name, pid=process.pid, exit_code=process.returncode)
-
-    def _advance(self, seconds: float) -> None:
-        """Run timers that are due."""
-        self._context.now = seconds
-        due = sorted((pair for pair in self._context.timers if pair[0] <= seconds), key=lambda pair: pair[0])
-        self._context.timers = [pair for pair in self._context.timers if pair[0] > seconds]
-        self._timers = len(self._context.timers)
-        for _, actions in due:
-            self._visit(actions)
-        self._settle(seconds)
 
     def _forward(self, source: Any, name: str) -> None:
         """Print the new lines of a process, each with its name."""

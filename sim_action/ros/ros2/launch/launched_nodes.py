@@ -274,7 +274,11 @@ class LaunchedNodes(NodeGroup):
         elif event.event == "died" and event.pid in self._processes:
             self._processes[event.pid].code = event.exit_code
         elif event.clock is not None:
-            self._add(event)
+            process = LaunchedProcess(event.process or event.node or event.program, event.pid, self.refuse_ended)
+            if event.pid:
+                self._processes[event.pid] = process
+            order = (event.node, Path(event.program).name, event.process)
+            self._new.append((order, Node(event.clock, process)))
         elif event.event == "process" and not any(left_out.program == event.program for left_out in self._left_out):
             self.notes.append(
                 f"the process '{event.process}' of the launch file is no node for launch: it gets no clock of its own, "
@@ -294,15 +298,6 @@ class LaunchedNodes(NodeGroup):
         # A launch test judges the exit codes of its processes itself.
         if event.event == "died" and event.exit_code and self._spec.results is None:
             raise self._errors.of_death(event, output)
-
-    def _add(self, event: Event) -> None:
-        """Add a node of its own process, or of a container."""
-        assert event.clock is not None
-        process = LaunchedProcess(event.process or event.node or event.program, event.pid, self.refuse_ended)
-        if event.pid:
-            self._processes[event.pid] = process
-        order = (event.node, Path(event.program).name, event.process)
-        self._new.append((order, Node(event.clock, process)))
 
 
 class Event(FrozenModel):

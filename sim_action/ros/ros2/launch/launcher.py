@@ -293,25 +293,6 @@ def _explained(error: BaseException) -> dict[str, Any]:
     return {**refusal.event, "places": refusal.places}
 
 
-def _launched(task: dict[str, Any]) -> int:
-    """Launch a file, and return the exit code once the launch has ended."""
-    arguments = [(name, value) for name, _, value in (argument.partition(":=") for argument in task["arguments"])]
-    file = IncludeLaunchDescription(AnyLaunchDescriptionSource(task["file"]), launch_arguments=arguments)
-    service = LaunchService(argv=task["arguments"], noninteractive=True)
-    service.include_launch_description(LaunchDescription([file]))
-    # Nodes may finish their work: the simulation decides when the launch is over.
-    return int(service.run(shutdown_when_idle=False))
-
-
-def _tested(task: dict[str, Any]) -> None:
-    """Run a launch test. Does not return."""
-    from launch_testing import launch_test
-
-    names = ["--package-name", task["package"], "--junit-xml", task["results"]]
-    sys.argv = ["launch_test", *names, task["file"], *task["arguments"]]
-    launch_test.main()
-
-
 def main(path: str) -> int:
     """Launch, and return the exit code."""
     # Programs inherit a signal that is ignored, and would not end by it.
@@ -320,8 +301,17 @@ def main(path: str) -> int:
     events = _Events(task["events"])
     _Launcher(task, events).install()
     if task["results"]:
-        _tested(task)
-    return _launched(task)
+        from launch_testing import launch_test
+
+        names = ["--package-name", task["package"], "--junit-xml", task["results"]]
+        sys.argv = ["launch_test", *names, task["file"], *task["arguments"]]
+        launch_test.main()
+    arguments = [(name, value) for name, _, value in (argument.partition(":=") for argument in task["arguments"])]
+    file = IncludeLaunchDescription(AnyLaunchDescriptionSource(task["file"]), launch_arguments=arguments)
+    service = LaunchService(argv=task["arguments"], noninteractive=True)
+    service.include_launch_description(LaunchDescription([file]))
+    # Nodes may finish their work: the simulation decides when the launch is over.
+    return int(service.run(shutdown_when_idle=False))
 
 
 if __name__ == "__main__":

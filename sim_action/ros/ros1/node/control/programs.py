@@ -66,7 +66,15 @@ def _report(done: bool, what: str, name: str) -> bool:
 
 def spawner() -> int:
     """Run controllers until asked to leave, as a node only then: the clock waits for others. Return the exit code."""
-    asked = _spawner_parser().parse_args(rospy.myargv()[1:])
+    parser = argparse.ArgumentParser("spawner", allow_abbrev=False)
+    parser.add_argument("controllers", nargs="+")
+    parser.add_argument("--stopped", action="store_true")
+    parser.add_argument("--namespace", default="")
+    parser.add_argument("--timeout", type=float)
+    for ignored in ("--wait-for", "--shutdown-timeout"):
+        parser.add_argument(ignored)
+    parser.add_argument("--no-timeout", action="store_true")
+    asked = parser.parse_args(rospy.myargv()[1:])
     manager = _Manager(asked.namespace, _TIMEOUT_S if asked.timeout is None else asked.timeout)
     try:
         loaded = manager.load(asked.controllers)
@@ -77,16 +85,13 @@ def spawner() -> int:
         return 1
     rospy.init_node("spawner", anonymous=True)
     rospy.spin()
-    _leave(manager, [] if asked.stopped else loaded, loaded)
-    return 0 if len(loaded) == len(asked.controllers) else 1
-
-
-def _leave(manager: _Manager, started: Sequence[str], loaded: Sequence[str]) -> None:
-    """Stop and unload controllers, if the simulation still answers: it is asked to leave at the same time."""
+    # Stop and unload controllers, if the simulation still answers: it is asked to leave at the same time.
+    started = [] if asked.stopped else loaded
     signal.alarm(2)
     with suppress(rospy.ROSException, rospy.ServiceException, OSError):
         manager.switch([], started)
         manager.unload(loaded)
+    return 0 if len(loaded) == len(asked.controllers) else 1
 
 
 def unspawner() -> int:
@@ -129,18 +134,6 @@ def _print_list(manager: _Manager, action: str) -> None:
     for controller in manager.ask("list_controllers", ListControllers).controller:
         claimed = ", ".join(resource.hardware_interface for resource in controller.claimed_resources)
         sys.stdout.write(f"{controller.name} - {claimed} ( {controller.state} )\n")
-
-
-def _spawner_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("spawner", allow_abbrev=False)
-    parser.add_argument("controllers", nargs="+")
-    parser.add_argument("--stopped", action="store_true")
-    parser.add_argument("--namespace", default="")
-    parser.add_argument("--timeout", type=float)
-    for ignored in ("--wait-for", "--shutdown-timeout"):
-        parser.add_argument(ignored)
-    parser.add_argument("--no-timeout", action="store_true")
-    return parser
 
 
 _Action = Callable[[_Manager, Sequence[str]], bool]
