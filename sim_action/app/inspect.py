@@ -462,15 +462,6 @@ def inspect_apart(
     """Inspect a model; xacro and MJCF are limited to `seconds` of wall time and `memory` bytes. Raises ModelError."""
     if not (robot.is_xacro or robot.is_mjcf):
         return inspect_model(robot, workspace)
-    answer = _asked(robot, workspace, seconds, memory)
-    if answer.refused:
-        raise ModelError(Mask.of(os.environ, workspace.pass_env).message(answer.refused))
-    if answer.inspection is None:
-        raise RuntimeError(answer.fault)
-    return answer.inspection
-
-
-def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _Answer:
     task, quiet = pickle.dumps((robot, workspace, memory)), subprocess.DEVNULL
     variables = environment(workspace.pass_env)
     try:
@@ -485,7 +476,12 @@ def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _
     if ended.returncode or not ended.stdout:
         code = ended.returncode
         raise ModelError(f"{robot.model}: the process that read it ended with exit code {code} without a result")
-    return _Answer.model_validate_json(ended.stdout)
+    answer = _Answer.model_validate_json(ended.stdout)
+    if answer.refused:
+        raise ModelError(Mask.of(os.environ, workspace.pass_env).message(answer.refused))
+    if answer.inspection is None:
+        raise RuntimeError(answer.fault)
+    return answer.inspection
 
 
 def main() -> None:

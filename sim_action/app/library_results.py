@@ -351,7 +351,10 @@ class Results:
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write the report to a file, and return its path. Raise UsageError if there is none."""
-        return Path(shutil.copyfile(self._report(), path))
+        report = self._folder.file(REPORT_FILE)
+        if not report.is_file():
+            raise UsageError("there is no report: these scenarios ran with report=False")
+        return Path(shutil.copyfile(report, path))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table with a row for each expectation of each run; a run without expectations has one row.
@@ -364,12 +367,6 @@ class Results:
         except ImportError:
             raise UsageError("to_dataframe() needs pandas: pip install pandas") from None
         return pd.DataFrame([row for outcome in self.runs for row in _rows(outcome)])
-
-    def _report(self) -> Path:
-        report = self._folder.file(REPORT_FILE)
-        if not report.is_file():
-            raise UsageError("there is no report: these scenarios ran with report=False")
-        return report
 
     @property
     def text(self) -> str:

@@ -156,7 +156,15 @@ class _Call:
 
     def proof(self) -> Proof | None:
         """Run everything, and return the proof; None if an interruption came before the first mutant had ended."""
-        self.shown = self._scenarios()
+        firsts = list(planning.first_runs(self._found.plans))
+        loaded = [first for first in firsts if not isinstance(first, Refused)]
+        outcomes = iter(self._outcomes(loaded, _ORIGINALS))
+        several = [Outcome.of_refused(first) if isinstance(first, Refused) else next(outcomes) for first in firsts]
+        entries = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
+        missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
+        entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
+        proven_ones = iter(self._proven([entry for entry in entries if isinstance(entry, Original)]))
+        self.shown = [next(proven_ones) if isinstance(entry, Original) else entry for entry in entries]
         scenarios = tuple(scenario.scenario for scenario in self.shown)
         interrupted = self._interruption.happened
         if interrupted and not any(scenario.mutants for scenario in scenarios):
@@ -168,18 +176,6 @@ class _Call:
             interrupted=interrupted,
             scenarios=scenarios,
         )
-
-    def _scenarios(self) -> list[ShownScenario]:
-        """Return the scenarios in their order."""
-        firsts = list(planning.first_runs(self._found.plans))
-        loaded = [first for first in firsts if not isinstance(first, Refused)]
-        outcomes = iter(self._outcomes(loaded, _ORIGINALS))
-        several = [Outcome.of_refused(first) if isinstance(first, Refused) else next(outcomes) for first in firsts]
-        entries = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
-        missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
-        entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
-        proven_ones = iter(self._proven([entry for entry in entries if isinstance(entry, Original)]))
-        return [next(proven_ones) if isinstance(entry, Original) else entry for entry in entries]
 
     def _original(self, loaded: LoadedScenario | Refused, outcome: Outcome) -> ShownScenario | Original:
         trace = stored_trace(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None

@@ -234,29 +234,26 @@ class _Call:
     def _executed(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
         """Run all scenarios and return one outcome for each run; runs that ended before an error keep theirs."""
         try:
-            return self._unguarded(assembly, motions, interruption)
+            request = self._request
+            runs = Runs(
+                self._every,
+                self._options.folder,
+                request.repeat,
+                assembly.places,
+                assembly.first_turns,
+                _has_replays(request),
+                request.recordings,
+                motions,
+                assembly.ended,
+                request.fail_fast,
+                self._early_stop.is_needless,
+            )
+            return self._schedule(runs, assembly, interruption).outcomes(self._make_ready)
         except (OSError, MemoryError) as error:
             if not is_refusal(error):
                 raise
             failure = Failure.of_fault(SystemRefusal(error))
             return [without_verdict(run, failure) for run in self._every * self._request.repeat]
-
-    def _unguarded(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
-        request = self._request
-        runs = Runs(
-            self._every,
-            self._options.folder,
-            request.repeat,
-            assembly.places,
-            assembly.first_turns,
-            _has_replays(request),
-            request.recordings,
-            motions,
-            assembly.ended,
-            request.fail_fast,
-            self._early_stop.is_needless,
-        )
-        return self._schedule(runs, assembly, interruption).outcomes(self._make_ready)
 
     def _make_ready(self) -> None:
         self._keys.prepare()

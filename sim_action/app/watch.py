@@ -67,22 +67,18 @@ def watch_scenarios(
     if the first run cannot start; later runs only print the error.
     """
     with nullcontext() if live_port is None else live_beside(request.reports.folder, live_port):
-        return _watch(request, patterns, interruption)
-
-
-def _watch(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
-    watched = _Watched()
-    _look(watched, request, request.plan.suite.files, patterns)
-    results_by_file = _by_file(run_scenarios(request, interruption).results)
-    written = _without_written(watched, set())
-    _note_watched(watched)
-    while changed := _wait(watched, interruption):
-        if touched := _touched(watched, changed, request, patterns):
-            note(f"changed: {_names(changed - watched.folders)}")
-            results_by_file |= _rerun(request, touched, results_by_file, interruption)
-            written = _without_written(watched, written)
-            _note_watched(watched)
-    return ExitCode.of_command(is_interrupted=True)
+        watched = _Watched()
+        _look(watched, request, request.plan.suite.files, patterns)
+        results_by_file = _by_file(run_scenarios(request, interruption).results)
+        written = _without_written(watched, set())
+        _note_watched(watched)
+        while changed := _wait(watched, interruption):
+            if touched := _touched(watched, changed, request, patterns):
+                note(f"changed: {_names(changed - watched.folders)}")
+                results_by_file |= _rerun(request, touched, results_by_file, interruption)
+                written = _without_written(watched, written)
+                _note_watched(watched)
+        return ExitCode.of_command(is_interrupted=True)
 
 
 def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], patterns: Iterable[str]) -> None:

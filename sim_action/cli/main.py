@@ -24,7 +24,13 @@ from sim_action.core.wording import escaped_line
 
 def main() -> NoReturn:
     """Run the command line of this process and exit."""
-    _open_closed_streams()
+    # Open /dev/null for each standard stream that the shell has closed (`>&-`). Otherwise the next file that is opened
+    # gets the number of the stream, and printed text goes into that file.
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.open(os.devnull, os.O_RDWR)
+            # A caller that replaces the stream must not close the descriptor: another file may have it by then.
+            setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
     leave(call(sys.argv[1:]))
 
 
@@ -38,18 +44,6 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _open_closed_streams() -> None:
-    """Open /dev/null for each standard stream that the shell has closed (`>&-`).
-
-    Otherwise the next file that is opened gets the number of the stream, and printed text goes into that file.
-    """
-    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
-            os.open(os.devnull, os.O_RDWR)
-            # A caller that replaces the stream must not close the descriptor: another file may have it by then.
-            setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
-
-
 def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> int:
     """Run a command line and return its exit code; errors name `inputs` of the action for their options."""
     os.environ.update(BEFORE_IMPORTS)
@@ -57,7 +51,11 @@ def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> i
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
-        _blame_variable(error)
+        # Name the environment variable in an error about a value that came from one.
+        if isinstance(error, click.BadParameter) and error.ctx is not None and error.param is not None:
+            source = error.ctx.get_parameter_source(error.param.name or "")
+            if source is click.core.ParameterSource.ENVIRONMENT:
+                error.param_hint = f"the variable {error.param.envvar}"
         complain(_with_inputs(error.format_message(), inputs))
         if isinstance(error, click.UsageError) and error.ctx and inputs is None:
             click.echo(f"Try '{error.ctx.command_path} --help'.", err=True)
@@ -116,14 +114,6 @@ def _report_unexpected(error: Exception) -> ExitCode:
     sys.excepthook(type(error), error, error.__traceback__)
     click.echo("sim-action: this is an internal error of sim-action; please report it with the lines above", err=True)
     return ExitCode.INTERNAL
-
-
-def _blame_variable(error: click.ClickException) -> None:
-    """Name the environment variable in an error about a value that came from one."""
-    if isinstance(error, click.BadParameter) and error.ctx is not None and error.param is not None:
-        source = error.ctx.get_parameter_source(error.param.name or "")
-        if source is click.core.ParameterSource.ENVIRONMENT:
-            error.param_hint = f"the variable {error.param.envvar}"
 
 
 class _Subcommands(Mapping[str, click.Command]):

@@ -68,7 +68,11 @@ def run_headline(results: Results) -> tuple[str, str]:
     one = "gate" if gates else "scenario"
     several = "scenarios" if not gates else "gates" if gates == total else "scenarios and gates"
     if not total:
-        return _headline_without_verdicts(results)
+        good = results.exit_code is ExitCode.PASSED
+        if results.outcomes:
+            runs = f"No verdicts here: {counted(len(results.outcomes), 'run')} for sim-action merge"
+            return (INFORMATION.icon, runs) if good else ("❌", f"{runs}, and not all of them could run")
+        return ("✅", f"No scenarios for {results.shard or 'this part'}") if good else ("⚠️", "No scenarios were run")
     if results.conclusion == "cancelled":
         return "🛑", f"Interrupted: {passed} of {total} {several} had passed"
     bad = total - passed - left
@@ -77,14 +81,6 @@ def run_headline(results: Results) -> tuple[str, str]:
         return icon, f"The {one} {ending}"
     start = f"{bad} of {total}" if bad or left else f"All {total}"
     return icon, f"{start} {several} {ending}{f', and {left} were not run' if left else ''}"
-
-
-def _headline_without_verdicts(results: Results) -> tuple[str, str]:
-    good = results.exit_code is ExitCode.PASSED
-    if results.outcomes:
-        runs = f"No verdicts here: {counted(len(results.outcomes), 'run')} for sim-action merge"
-        return (INFORMATION.icon, runs) if good else ("❌", f"{runs}, and not all of them could run")
-    return ("✅", f"No scenarios for {results.shard or 'this part'}") if good else ("⚠️", "No scenarios were run")
 
 
 def counts_text(results: Results) -> str:

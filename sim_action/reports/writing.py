@@ -119,7 +119,10 @@ def _check_targets(request: ReportRequest) -> None:
         for place in (*(request.folder / name for name in RUN_FILE_FOLDERS), *([junit.parent] if junit else [])):
             _refuse_links(place)
         if junit is not None:
-            _refuse_special_file(junit)
+            if junit.is_dir():
+                raise UsageError(escaped_line(f"--junit {junit} is a folder; name a file"))
+            if junit.exists() and not junit.is_file():
+                raise UsageError(escaped_line(f"--junit {junit} is not a regular file; name a file"))
             _refuse_other_file(junit, request.folder)
         refuse_foreign_files(request.folder)
     except (OSError, ValueError) as error:
@@ -218,14 +221,6 @@ def _created_folder(folder: Path) -> Path:
     except (OSError, ValueError) as error:
         raise UsageError(escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")) from None
     return folder
-
-
-def _refuse_special_file(junit: Path) -> None:
-    """Raise UsageError for a path that a file cannot replace, or must not: a folder, a pipe or a device."""
-    if junit.is_dir():
-        raise UsageError(escaped_line(f"--junit {junit} is a folder; name a file"))
-    if junit.exists() and not junit.is_file():
-        raise UsageError(escaped_line(f"--junit {junit} is not a regular file; name a file"))
 
 
 def _refuse_other_file(junit: Path, folder: Path) -> None:

@@ -171,7 +171,9 @@ def _conditions(
     for quantile in gate.quantile:
         yield _quantile(quantile, runs)
     if gate.passes is None and gate.stop_early is None and counts.rate < MAJORITY and not planned.may_be_low:
-        yield _minority(counts)
+        limit = f"at least {percent(MAJORITY)} of the runs pass"
+        message = f"{counts}; a quantile alone says nothing about failed runs: state 'passes', or allow: [{LOW_GATE}]"
+        yield (limit, Verdict(False, counts.rate * _PERCENT, MAJORITY * _PERCENT, unit="%", message=message))
     if counts.without_verdict or gate.errors.at_most:
         yield _errors(gate.errors.at_most, counts)
 
@@ -251,12 +253,6 @@ def _test(test: StopEarly, counts: _Counts, decision: SequentialVerdict | None, 
     word = "accepts" if decision == "accepted" else "rejects"
     message = f"{counts}; the test {word} {rates} {sure} after {counted(counts.runs, 'run')}"
     return name, Verdict(decision == "accepted", measured=counts.rate * _PERCENT, unit="%", message=message)
-
-
-def _minority(counts: _Counts) -> Condition:
-    limit = f"at least {percent(MAJORITY)} of the runs pass"
-    message = f"{counts}; a quantile alone says nothing about failed runs: state 'passes', or allow: [{LOW_GATE}]"
-    return limit, Verdict(False, counts.rate * _PERCENT, MAJORITY * _PERCENT, unit="%", message=message)
 
 
 def _errors(most: int, counts: _Counts) -> Condition:

@@ -123,13 +123,6 @@ class Planned:
         return Outcome(**plan, status="error", failures=(failure,))
 
 
-def _commit(environment: Mapping[str, str]) -> str | None:
-    """Return the commit that GitHub, GitLab or Jenkins names; None without one."""
-    names = ("GITHUB_SHA", "CI_COMMIT_SHA", "GIT_COMMIT")
-    named = (environment.get(name, "").lower() for name in names)
-    return next((commit for commit in named if re.fullmatch("[0-9a-f]{7,64}", commit)), None)
-
-
 class Header(FrozenModel):
     """The first line of a journal."""
 
@@ -158,13 +151,16 @@ class Header(FrozenModel):
         gates: Iterable[PlannedGate] = (),
     ) -> Self:
         """Return the header of a call by this version on this machine."""
+        # The commit that GitHub, GitLab or Jenkins names; None without one.
+        names = ("GITHUB_SHA", "CI_COMMIT_SHA", "GIT_COMMIT")
+        named = (os.environ.get(name, "").lower() for name in names)
         return cls(
             journal=1,
             sim_action=__version__,
             python=platform.python_version(),
             platform=platform_name(),
             started_at=datetime.now(UTC).replace(microsecond=0),
-            commit=_commit(os.environ),
+            commit=next((commit for commit in named if re.fullmatch("[0-9a-f]{7,64}", commit)), None),
             shard=shard,
             selected=selected,
             files=tuple(files),
@@ -240,7 +236,14 @@ class Recorded:
 
     def results(self) -> Results:
         """Return the results: every planned outcome, those that are not final as not finished."""
-        verdicts = self._known()
+        # The verdicts of runs for each place that has started and may not be final.
+        verdicts: dict[int, list[str]] = {}
+        for record in self.records:
+            if record.place is None or record.place in self.finished:
+                continue
+            words = verdicts.setdefault(record.place, [])
+            if record.event == "run" and record.outcome is not None:
+                words.append(f"run {record.turn} {record.outcome.ending}")
         outcomes = [self._outcome(place, planned, verdicts) for place, planned in enumerate(self.header.planned)]
         return self._results(outcomes, is_part=self.header.shard is not None or self.header.selected)
 
@@ -270,17 +273,6 @@ class Recorded:
         started = "ended" if place in verdicts else "started"
         message = f"sim-action ended before this scenario {started}"
         return planned.unfinished("; ".join((message, *verdicts.get(place, ()))))
-
-    def _known(self) -> dict[int, list[str]]:
-        """Return the verdicts of runs for each place that has started and may not be final."""
-        verdicts: dict[int, list[str]] = {}
-        for record in self.records:
-            if record.place is None or record.place in self.finished:
-                continue
-            words = verdicts.setdefault(record.place, [])
-            if record.event == "run" and record.outcome is not None:
-                words.append(f"run {record.turn} {record.outcome.ending}")
-        return verdicts
 
 
 class Journal:
@@ -559,16 +551,12 @@ class JournalFollower:
             if not line.endswith(b"\n") and len(line) < MAX_LINE_BYTES:
                 # The end of the file, or a line of which the rest will follow.
                 return
-            self._add(line)
+            if self.recorded is None:
+                self.recorded = Recorded(Header.model_validate_json(line))
+                self.call += 1
+            elif len(self.recorded.records) < MAX_RECORDS:
+                with suppress(ValueError):
+                    self.recorded.add(parsed_record(line))
             self._offset += len(line)
             self._end = (self._end + line[-_COMPARED_BYTES:])[-_COMPARED_BYTES:]
         self.has_more = True
-
-    def _add(self, line: bytes) -> None:
-        """Add a line. Raise ValidationError if the first line is no header."""
-        if self.recorded is None:
-            self.recorded = Recorded(Header.model_validate_json(line))
-            self.call += 1
-        elif len(self.recorded.records) < MAX_RECORDS:
-            with suppress(ValueError):
-                self.recorded.add(parsed_record(line))

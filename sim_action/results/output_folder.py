@@ -181,7 +181,10 @@ class Room:
         size = _BYTES_OF_CALL + outcomes * _BYTES_OF_OUTCOME
         if self._lock is not None:
             try:
-                _allocate(self._lock, size)
+                if sys.platform == "linux":
+                    os.posix_fallocate(self._lock, 0, size)
+                else:
+                    write_zeros(self._lock, size)
             except OSError as error:
                 self.release()
                 if error.errno in _DISK_FULL:
@@ -225,14 +228,6 @@ class Room:
         return True
 
 
-def _allocate(descriptor: int, size: int) -> None:
-    """Let a file take up so many bytes at least. Raise OSError."""
-    if sys.platform == "linux":
-        os.posix_fallocate(descriptor, 0, size)
-    else:
-        write_zeros(descriptor, size)
-
-
 def write_zeros(descriptor: int, size: int) -> None:
     """Lengthen a file with zeros; other systems than Linux have no call for it. Raise OSError."""
     end = os.lseek(descriptor, 0, os.SEEK_END)
@@ -261,7 +256,14 @@ def locked(folder: Path) -> Iterator[Room]:
     finally:
         _locked.discard(place)
         if descriptor is not None:
-            _release(folder / LOCK_FILE, descriptor)
+            # Remove the file while it is locked, unless it was replaced, and release it.
+            path = folder / LOCK_FILE
+            with suppress(OSError):
+                # Windows does not remove a file that is open.
+                if _is_file_at(path, descriptor) and sys.platform != "win32":
+                    path.unlink()
+            with suppress(OSError):
+                os.close(descriptor)
 
 
 def _open_locked(folder: Path) -> int:
@@ -348,16 +350,6 @@ def _in_use(folder: Path, pid: str) -> UsageError:
             "wait for it, or choose another --output-dir"
         )
     )
-
-
-def _release(path: Path, descriptor: int) -> None:
-    """Remove the file while it is locked, unless it was replaced, and release it."""
-    with suppress(OSError):
-        # Windows does not remove a file that is open.
-        if _is_file_at(path, descriptor) and sys.platform != "win32":
-            path.unlink()
-    with suppress(OSError):
-        os.close(descriptor)
 
 
 def remove_earlier_files(folder: Path, names: Iterable[str]) -> None:

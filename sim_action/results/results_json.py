@@ -343,7 +343,13 @@ def read_all(
     count = 0
     for path in unique(paths):
         try:
-            results = _read_consistent(path)
+            results = Results.read(path)
+            for outcome in results.outcomes:
+                if is_inconsistent(outcome):
+                    _reject(
+                        f"{path} is not a valid results file: the status of '{outcome.file}' contradicts its failures "
+                        "or expectations"
+                    )
         except UsageError as error:
             if lost is None:
                 raise
@@ -379,17 +385,6 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def _raise_unreadable(error: OSError) -> NoReturn:
     _reject(f"cannot read the folder {error.filename}: {error.strerror}")
-
-
-def _read_consistent(path: Path) -> Results:
-    results = Results.read(path)
-    for outcome in results.outcomes:
-        if is_inconsistent(outcome):
-            _reject(
-                f"{path} is not a valid results file: the status of '{outcome.file}' contradicts its failures "
-                "or expectations"
-            )
-    return results
 
 
 def is_inconsistent(outcome: Outcome) -> bool:

@@ -49,7 +49,15 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
     files are not distinct parts of one list.
     """
     sharded = [(shard, file) for file in files if (shard := file.results.shard)]
-    _check_files(files)
+    seen: dict[Unit, Path] = {}
+    seen_outcomes = set[tuple[Unit, str]]()
+    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):
+        unit, called = _unit(outcome), _called(outcome)
+        if seen.setdefault(unit, path) != path:
+            _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
+        if (unit, outcome.name) in seen_outcomes:
+            _reject(f"{path} contains results of {called} twice; each scenario may occur only once")
+        seen_outcomes.add((unit, outcome.name))
     _check_shards(sharded)
     entries = _ordered(files, sharded)
     added = list(_not_run(entries, listing, left_any=bool(files))) if listing else []
@@ -72,19 +80,6 @@ def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tu
             same = "run all shards on the same files"
             _reject(f"the gate of '{gate.name}' in {where} is not that of {gate.file}; {same}")
     return tuple(gate for gate, _ in gates.values())
-
-
-def _check_files(files: Iterable[ResultsFile]) -> None:
-    """Raise UsageError for duplicates; outcomes of several engines have distinct names in one file."""
-    seen: dict[Unit, Path] = {}
-    seen_outcomes = set[tuple[Unit, str]]()
-    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):
-        unit, called = _unit(outcome), _called(outcome)
-        if seen.setdefault(unit, path) != path:
-            _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
-        if (unit, outcome.name) in seen_outcomes:
-            _reject(f"{path} contains results of {called} twice; each scenario may occur only once")
-        seen_outcomes.add((unit, outcome.name))
 
 
 def _called(outcome: Outcome) -> str:

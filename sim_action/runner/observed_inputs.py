@@ -49,7 +49,8 @@ class ObservedInputs:
         self._files: dict[str, None] = {}
         self._written: set[str] = set()
         self._written_in = _folders([job.loaded.workspace.root, job.results, scratch])
-        self._read_in = _folders([*python_folders(), _OURS, scratch, *_caches()])
+        folder = cache_folder("any")
+        self._read_in = _folders([*python_folders(), _OURS, scratch, *([] if folder is None else [folder.parent])])
         self._listed = {os.path.abspath(folder) for folder in sys.path}  # noqa: PTH100 - no Path in an audit hook
 
     @property
@@ -170,11 +171,6 @@ def inputs_in(written: bytes) -> tuple[str, ...] | None:
         isinstance(inputs, list) and len(inputs) <= MAX_INPUTS and all(isinstance(entry, str) for entry in inputs)
     )
     return tuple(inputs) if is_valid else None
-
-
-def _caches() -> list[Path]:
-    folder = cache_folder("any")
-    return [] if folder is None else [folder.parent]
 
 
 def _folders(paths: Iterable[Path]) -> tuple[str, ...]:

@@ -122,7 +122,11 @@ class Pool(Scheduler):
     def _run(self, meanwhile: Callable[[], object]) -> None:
         try:
             self._start_waiting()
-            self._make_ready(meanwhile)
+            # Look up what outcomes share, and call `meanwhile`; after a refusal of the system, it is done when needed.
+            with suppress(OSError, ImportError):
+                for backend in {loaded.scenario.backend for loaded in self._runs.scenarios}:
+                    engine_provenance(backend)
+                meanwhile()
             while not self._interruption.happened:
                 self._start_waiting()
                 # An interruption inside `_start_waiting` leaves nothing to wait for.
@@ -138,13 +142,6 @@ class Pool(Scheduler):
             self._starter.end_waiting()
             # Child processes that were killed leave them.
             remove_unfinished_files(self._runs.folder)
-
-    def _make_ready(self, meanwhile: Callable[[], object]) -> None:
-        """Look up what outcomes share, and call `meanwhile`; after a refusal of the system, it is done when needed."""
-        with suppress(OSError, ImportError):
-            for backend in {loaded.scenario.backend for loaded in self._runs.scenarios}:
-                engine_provenance(backend)
-            meanwhile()
 
     def _start_waiting(self) -> None:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:

@@ -120,15 +120,21 @@ class RunKeys:
         tree = self._tree(loaded.workspace.root)
         if runs_code and not isinstance(tree, GitTree):
             return None
-        files = self._files_of(loaded, tree)
+        # The contents of the files of a scenario, without those in `tree`; None if one is not known.
+        root, named = loaded.workspace.root, self._named.of(loaded.source)
+        if (root, named) not in self._contents:
+            self._contents[root, named] = self._contents_of(named, tree, root)
+        files = self._contents[root, named]
         if files is None:
             return None
+        if loaded.scenario.backend not in self._builds:
+            self._builds[loaded.scenario.backend] = engine_provenance(loaded.scenario.backend).engine_build
         parts = [
             _scenario(loaded),
             tree.digest if isinstance(tree, GitTree) else None,
             files,
             *self._call,
-            self._engine_build(loaded.scenario.backend),
+            self._builds[loaded.scenario.backend],
             self._of_user_code if runs_code else self._of_native_code,
         ]
         short = ".".join(_digest_of(part)[:_SHORT_DIGITS] for part in parts)
@@ -159,13 +165,6 @@ class RunKeys:
                 self._trees[root] = str(error)
         return self._trees[root]
 
-    def _files_of(self, loaded: LoadedScenario, tree: GitTree | str) -> list[tuple[str, str]] | None:
-        """Return the contents of the files of a scenario, without those in `tree`; None if one is not known."""
-        root, named = loaded.workspace.root, self._named.of(loaded.source)
-        if (root, named) not in self._contents:
-            self._contents[root, named] = self._contents_of(named, tree, root)
-        return self._contents[root, named]
-
     def _contents_of(self, named: frozenset[Path], tree: GitTree | str, root: Path) -> list[tuple[str, str]] | None:
         if len(named) >= MAX_FILES:
             return None
@@ -176,11 +175,6 @@ class RunKeys:
                 return None
             contents.append((os.path.relpath(path, root), content))
         return contents
-
-    def _engine_build(self, backend: str) -> str | None:
-        if backend not in self._builds:
-            self._builds[backend] = engine_provenance(backend).engine_build
-        return self._builds[backend]
 
     @cached_property
     def _call(self) -> tuple[str, ...]:

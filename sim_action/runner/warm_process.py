@@ -252,7 +252,11 @@ def main() -> NoReturn:
     with suppress(EOFError, ConnectionError):
         while True:
             call = connection.recv()
-            _import(call.modules)
+            with muted():
+                for name in call.modules:
+                    # What is missing is an error of the call that needs it.
+                    with suppress(ImportError, OSError):
+                        importlib.import_module(name)
             if call.prepare is not None:
                 # The call does what is left, or says why it cannot.
                 with suppress(ImportError, OSError, MemoryError):
@@ -263,14 +267,6 @@ def main() -> NoReturn:
             gc.unfreeze()
             connection.send(_Ended(_awaited(pid, connection)))
     os._exit(0)
-
-
-def _import(modules: Sequence[str]) -> None:
-    with muted():
-        for name in modules:
-            # What is missing is an error of the call that needs it.
-            with suppress(ImportError, OSError):
-                importlib.import_module(name)
 
 
 def _awaited(pid: int, connection: Connection) -> int:

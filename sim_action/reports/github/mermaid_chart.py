@@ -43,10 +43,16 @@ def chart(signal: Signal, moment: float | None = None) -> str:
     limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]
     low, high = _range([*values, *limits])
     lines = (values, *([limit, limit] for limit in limits))
+    # The directive with sizes and colours; the default colours of Mermaid are almost white.
+    palette = ", ".join((_CURVE, *[_LIMIT] * len(limits)))
+    settings = {
+        "xyChart": {"width": 720, "height": 320, "yAxis": {"titlePadding": 14}},
+        "themeVariables": {"xyChart": {"plotColorPalette": palette}},
+    }
     return "\n".join(
         (
             "```mermaid",
-            _settings(len(limits)),
+            f"%%{{init: {json.dumps(settings)}}}%%",
             "xychart-beta",
             f"    title {_text(_title(signal))}",
             f'    x-axis "sim time in s" {_span(start, end - _SLIVER * (end - start))}',
@@ -88,16 +94,6 @@ def _title(signal: Signal) -> str:
     limits = [f"{word} {units.display(limit, signal.unit)}" for limit, word in named if limit is not None]
     lines = "level line: limit" if len(limits) == 1 else "level lines: limits"
     return f"{shortened(signal.name, 30)} ({lines}, {' and '.join(limits)})" if limits else signal.name
-
-
-def _settings(limits: int) -> str:
-    """Return the directive with sizes and colours; the default colours of Mermaid are almost white."""
-    palette = ", ".join((_CURVE, *[_LIMIT] * limits))
-    settings = {
-        "xyChart": {"width": 720, "height": 320, "yAxis": {"titlePadding": 14}},
-        "themeVariables": {"xyChart": {"plotColorPalette": palette}},
-    }
-    return f"%%{{init: {json.dumps(settings)}}}%%"
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:

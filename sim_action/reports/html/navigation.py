@@ -133,13 +133,15 @@ def scenario_list(plan: PagePlan, results: Results) -> Html:
         "p", f"{counted(plan.left, noun)} in results.json; this page shows the worst {shown}.", class_="faint none"
     )
     places = {id(entry.group): entry.identity for entry in plan.entries if entry.group is not None}
+    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
+    counts = ((results.total - gates, "scenario"), (gates, "gate"))
     return element(
         "nav",
         element("a", "Skip to the content", href="#main", class_="skip") if plan.has_suite else "",
         element("a", "All scenarios", href="#suite", class_="all") if plan.has_suite else "",
         element(
             "details",
-            element("summary", _list_title(results)),
+            element("summary", ", ".join(counted(number, noun) for number, noun in counts if number)),
             element("ol", *(_list_entry(group, places.get(id(group), ""), plan.ids) for group in plan.groups)),
             more if plan.left else "",
             open=True,
@@ -147,12 +149,6 @@ def scenario_list(plan: PagePlan, results: Results) -> Html:
         aria_label="Scenarios",
         class_="scenarios",
     )
-
-
-def _list_title(results: Results) -> str:
-    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
-    counts = ((results.total - gates, "scenario"), (gates, "gate"))
-    return ", ".join(counted(number, noun) for number, noun in counts if number)
 
 
 _MAX_IN_GIST: Final = 300

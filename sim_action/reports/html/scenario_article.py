@@ -73,9 +73,10 @@ def run_article(
         element("p", _origin_line(outcome, options), class_="faint"),
         element("p", since, class_="since") if since else "",
     )
+    items = [element("li", value_link(mark.time), f" {mark.words}") for mark in timeline(outcome)]
     body = joined(
         run_reasons(outcome, options, {} if replay is None else first_seen(replay)),
-        _timeline(outcome),
+        titled("What happened before", bullets(items, "timeline")),
         element("div", still, class_="stage"),
         "" if replay is None else sightings(replay),
         expectations(outcome, options),
@@ -136,12 +137,6 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
         return Html("")
     rows = expectation_rows(outcome, outcome.expectations)
     return titled("Expectations", html_table(Table("Expectation", rows, NUMBERS), options))
-
-
-def _timeline(outcome: Outcome) -> Html:
-    """Return what happened before a failure, each with a time that moves the replay; empty if nothing did."""
-    items = [element("li", value_link(mark.time), f" {mark.words}") for mark in timeline(outcome)]
-    return titled("What happened before", bullets(items, "timeline"))
 
 
 _AROUND: Final = 20

@@ -61,8 +61,19 @@ def suite_article(plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping
     `plan`: the articles of the page; `looks`: `id()` of an outcome -> what its replay shows; `changes`: `id()` of an
     outcome -> its change; empty: the table has no column for changes.
     """
+    counts = Counter(status for group in plan.groups for status in _judged(group))
+    chips = [
+        element(
+            "li",
+            element("span", STATUS_DISPLAYS[status].symbol, class_=f"mark {status}", aria_hidden="true"),
+            f" {_count_text(status, counts[status])}",
+            data_status=status,
+        )
+        for status in WORST_FIRST
+        if counts[status]
+    ]
     body = joined(
-        _status_counts(plan.groups),
+        element("ul", *chips, class_="chips", aria_label="Scenarios by status"),
         alike(plan.groups, plan.ids, looks, changes),
         _SuiteTable(plan, looks, changes).drawn(),
         element("p", _LEGEND, class_="faint legend-of-bars"),
@@ -75,21 +86,6 @@ _LEGEND: Final = (
     "it failed. A bar of wall time is relative to the longest one. Paths are seen from above, each in a scale of its "
     "own, from the circle to the dot."
 )
-
-
-def _status_counts(groups: Iterable[ScenarioGroup]) -> Html:
-    counts = Counter(status for group in groups for status in _judged(group))
-    chips = [
-        element(
-            "li",
-            element("span", STATUS_DISPLAYS[status].symbol, class_=f"mark {status}", aria_hidden="true"),
-            f" {_count_text(status, counts[status])}",
-            data_status=status,
-        )
-        for status in WORST_FIRST
-        if counts[status]
-    ]
-    return element("ul", *chips, class_="chips", aria_label="Scenarios by status")
 
 
 def _count_text(status: DisplayStatus, count: int) -> str:

@@ -62,7 +62,11 @@ def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = N
     `outlines`: those of the drawings before.
     """
     outlines = outlines or SceneOutlines()
-    way = _way(replay)
+    # (N, 2) positions of the base in m, evenly sampled, with the first and the last one.
+    count = replay.frames.count
+    places = np.column_stack([column.decoded(count) for column in replay.frames.base[:2]])
+    rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
+    way = np.asarray(places[rows])
     first, last = _postures(replay, 0, replay.frames.count - 1)
     start, end = outlines.robot(replay.scene, first), _outlines(replay.scene, last)
     marks = _marks_in_world(replay)
@@ -86,14 +90,6 @@ def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = N
 
 def _missed(expected: ExpectationOutcome) -> bool:
     return expected.failed and not expected.verdict.cut_off
-
-
-def _way(replay: Replay) -> FloatArray:
-    """Return (N, 2) positions of the base in m, evenly sampled, with the first and the last one."""
-    count = replay.frames.count
-    places = np.column_stack([column.decoded(count) for column in replay.frames.base[:2]])
-    rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
-    return np.asarray(places[rows])
 
 
 def _passages(replay: Replay, way: FloatArray) -> Iterator[FloatArray]:

@@ -91,8 +91,18 @@ class MemoryFiles:
 
     def read(self) -> ChildReport:
         """Return the content, within its limits, after the child process has ended."""
+        # The last whole outcome; nothing if there is none.
+        size, at, last = os.fstat(self._outcome).st_size, 0, (0, 0)
+        for _ in range(MAX_OUTCOMES):
+            head = os.pread(self._outcome, LENGTH.size, at)
+            length = LENGTH.unpack(head)[0] if len(head) == LENGTH.size else 0
+            at += LENGTH.size
+            if not 0 < length <= size - at:
+                break
+            last = (length, at)
+            at += length
         return ChildReport(
-            _last_outcome(self._outcome),
+            os.pread(self._outcome, *last),
             _end_of(self.output, MAX_OUTPUT_BYTES),
             _end_of(self._stack_dump, MAX_STACK_DUMP_BYTES),
         )
@@ -137,20 +147,6 @@ def _close(descriptors: Iterable[int]) -> None:
     for descriptor in descriptors:
         with suppress(OSError):
             os.close(descriptor)
-
-
-def _last_outcome(descriptor: int) -> bytes:
-    """Return the last whole outcome; nothing if there is none."""
-    size, at, last = os.fstat(descriptor).st_size, 0, (0, 0)
-    for _ in range(MAX_OUTCOMES):
-        head = os.pread(descriptor, LENGTH.size, at)
-        length = LENGTH.unpack(head)[0] if len(head) == LENGTH.size else 0
-        at += LENGTH.size
-        if not 0 < length <= size - at:
-            break
-        last = (length, at)
-        at += length
-    return os.pread(descriptor, *last)
 
 
 def _end_of(descriptor: int, most: int) -> bytes:
@@ -239,7 +235,13 @@ class LinuxChild(child_process.ChildProcess):
         if not self._supervised:
             os.kill(self._pid, signal.SIGKILL)
             return
-        self._end_interpreter()
+        # End an interpreter that has not forked the process yet, until it is known whether it still has.
+        if self._interpreter is not None and not self._pid:
+            self._interpreter.close()
+            patience = time.monotonic() + _ENDING_TIMEOUT_S
+            while not (self._pid or self.silent) and time.monotonic() < patience:
+                self.listen()
+                time.sleep(_ENDING_POLL_S)
         if self._pid:
             os.kill(self._pid, signal.SIGTERM)
             os.kill(self._pid, signal.SIGCONT)
@@ -273,27 +275,15 @@ class LinuxChild(child_process.ChildProcess):
         else:
             super()._take(line)
 
-    def _end_interpreter(self) -> None:
-        """End an interpreter that has not forked the process yet, until it is known whether it still has."""
-        if self._interpreter is not None and not self._pid:
-            self._interpreter.close()
-            patience = time.monotonic() + _ENDING_TIMEOUT_S
-            while not (self._pid or self.silent) and time.monotonic() < patience:
-                self.listen()
-                time.sleep(_ENDING_POLL_S)
-
     def _reap(self) -> None:
         if self._supervised:
             self._await_supervisor()
         else:
-            self._kill_group()
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._pid, signal.SIGKILL)
         _, _, usage = os.wait4(self._pid, 0)
         if not self._supervised:
             self.peak_memory = usage.ru_maxrss << 10
-
-    def _kill_group(self) -> None:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._pid, signal.SIGKILL)
 
     def _await_supervisor(self) -> None:
         patience = time.monotonic() + _ENDING_TIMEOUT_S

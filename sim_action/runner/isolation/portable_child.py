@@ -64,7 +64,10 @@ class PortableChild(ChildProcess):
             self._folder = Path(scratch.name)
             sent = pickle.dumps((job, ChildFiles.in_folder(self._folder)))
             self._relay = threading.Thread(target=_relay, args=(sent, process, passed_on), daemon=True)
-            _start_thread(self._relay)
+            try:
+                self._relay.start()
+            except RuntimeError:
+                raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from None
         except OSError:
             progress.close()
             passed_on.close()
@@ -146,14 +149,6 @@ class PortableChild(ChildProcess):
         except ConnectionError:
             # On Windows this is a TCP connection, which can end with an error.
             return b""
-
-
-def _start_thread(thread: threading.Thread) -> None:
-    """Start a thread. Raise OSError."""
-    try:
-        thread.start()
-    except RuntimeError:
-        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from None
 
 
 def _end_of(path: Path, most: int) -> bytes:

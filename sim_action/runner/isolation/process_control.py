@@ -122,7 +122,10 @@ def end_descendants(worker: int) -> int:
         try:
             reaped, _ = os.waitpid(-1, os.WNOHANG)
             if not reaped:
-                _kill_children()
+                for process in processes():
+                    if process.parent == os.getpid():
+                        with suppress(ProcessLookupError, PermissionError):
+                            os.kill(process.number, signal.SIGKILL)
                 reaped, _ = os.waitpid(-1, 0)
         except ChildProcessError:
             return ended
@@ -137,10 +140,3 @@ def exit_as(status: int) -> NoReturn:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, [-status])
         os.kill(os.getpid(), -status)
     os._exit(status if status >= 0 else 128 - status)
-
-
-def _kill_children() -> None:
-    for process in processes():
-        if process.parent == os.getpid():
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(process.number, signal.SIGKILL)

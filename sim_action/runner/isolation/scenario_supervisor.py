@@ -43,7 +43,12 @@ def supervise(progress: int, parent: int, descriptors: Sequence[int] = ()) -> No
     if worker == 0:
         _work(progress, supervisor, descriptors)
     status = process_control.wait_for_child(worker)
-    _report(progress, left=process_control.end_descendants(worker))
+    # Report to `LinuxChild` how many processes were left, and the most memory of any, in bytes.
+    left = process_control.end_descendants(worker)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
+    with suppress(OSError):
+        os.set_blocking(progress, False)
+        os.write(progress, f"end {left} {peak}\n".encode())
     process_control.exit_as(status)
 
 
@@ -67,14 +72,6 @@ def _work(progress: int, supervisor: int, descriptors: Sequence[int]) -> NoRetur
         traceback.print_exc()
     finally:
         os._exit(1)
-
-
-def _report(progress: int, left: int) -> None:
-    """Report to `LinuxChild` how many processes were left, and the most memory of any, in bytes."""
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10
-    with suppress(OSError):
-        os.set_blocking(progress, False)
-        os.write(progress, f"end {left} {peak}\n".encode())
 
 
 if __name__ == "__main__":
