@@ -301,11 +301,11 @@ def _quantile_text(claim: Quantile, bounds: QuantileBounds, runs: int, missing: 
     interval = " and ".join(f"{words} {display(value, unit)}" for words, value in sides if value is not None)
     sure = f"with {percent(claim.confidence)} confidence"
     text = f"{counted(runs, 'run')}; {sure} the {percent(claim.q)} quantile is {interval or 'not bounded'}"
-    return f"{text}; {counted(missing, 'run')} measured nothing" if missing else text
+    return f"{text}; {counted(missing, 'run')} measured nothing, or not to the end" if missing else text
 
 
 def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None], str]:
-    """Return the value of each run, None where nothing was measured, and their unit."""
+    """Return the value of each run, None where nothing was measured, or not to the end, and their unit."""
     values: list[float | None] = []
     unit = ""
     for run in runs:
@@ -321,7 +321,15 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
 def _named(name: str, run: Outcome) -> Verdict | None:
     by_name = [expected for expected in run.expectations if expected.name == name]
     matches = by_name or [expected for expected in run.expectations if expected.assertion == name]
-    return matches[0].verdict if len(matches) == 1 and not matches[0].verdict.cut_off else None
+    return matches[0].verdict if len(matches) == 1 and _is_whole(matches[0].verdict, run) else None
+
+
+def _is_whole(verdict: Verdict, run: Outcome) -> bool:
+    """Return False for a value that could have become worse: a failure ended the run, or the limit was crossed."""
+    if verdict.goal or verdict.cut_off:
+        return not verdict.cut_off
+    is_last = verdict.time is None or run.sim_time is None or verdict.time >= run.sim_time
+    return run.end != "expectation failed" and (verdict.passed or is_last)
 
 
 def _expectation(planned: PlannedGate, name: str, verdict: Verdict) -> ExpectationOutcome:

@@ -210,6 +210,21 @@ def test_values_that_are_not_known() -> None:
     for expectations in ((expected, expected), (cut_off,)):
         runs = [PASS.model_copy(update={"expectations": expectations}) for _ in range(100)]
         assert "100 runs measured nothing" in messages(judged_gate(gate, runs))[0]
+    # An invariant of a run that a failure ended, or that was crossed before its end, could have become worse.
+    whole = PASS.model_copy(update={"end": "duration", "sim_time": 3.0})
+    failing = expected.model_copy(update={"verdict": Verdict(False, 1.5, 1.6, -0.1, "m", time=2.0)})
+    at_the_end = failing.model_copy(update={"verdict": replace(failing.verdict, time=3.0)})
+    goal = expected.model_copy(update={"verdict": Verdict(True, 1.5, 1.0, 0.5, "m", time=2.0, goal=True)})
+    for end, expectation, is_whole in (
+        ("expectation failed", expected, False),
+        ("expectation failed", at_the_end, False),
+        ("expectation failed", goal, True),
+        ("duration", failing, False),
+        ("duration", at_the_end, True),
+        ("duration", expected, True),
+    ):
+        runs = [whole.model_copy(update={"end": end, "expectations": (expectation,)}) for _ in range(100)]
+        assert ("100 runs measured nothing" in messages(judged_gate(gate, runs))[0]) != is_whole
     # A value that was not measured counts against the claim.
     values: list[float | None] = [1.5] * 100
     assert quantile({"at_least": "1.4 m"}, values).status == "passed"
