@@ -33,12 +33,8 @@ def test_with_velocities_it_has_them_at_its_points_and_is_smooth_between(
 
 def test_each_joint_has_its_own_from_where_it_is() -> None:
     start = [Waypoint(5.0, 0.1, 0.0), Waypoint(5.0, 0.2, 0.0)]
-    points = [
-        TrajectoryPoint(5.0, [9.0, 9.0]),
-        TrajectoryPoint(6.0, [1.0, 2.0], [0.0, 0.0]),
-        TrajectoryPoint(7.0, [1.5, 2.5]),
-    ]
-    found = joint_curves(["a", "b"], start, points)
+    points = [TrajectoryPoint(5.0, [9.0, 9.0]), TrajectoryPoint(6.0, [1.0, 2.0], [0.0, 0.0])]
+    found = joint_curves(["a", "b"], start, [*points, TrajectoryPoint(7.0, [1.5, 2.5])])
     assert found["b"].at(5.0)[0] == 0.2
     assert found["a"].at(6.0)[0] == 1.0
     assert found["b"].at(6.5) == pytest.approx((2.25, 0.5 / 0.98))
@@ -52,10 +48,8 @@ def test_a_quintic_begins_and_ends_as_stated(ends: tuple[float, ...], span: floa
     first, last = Waypoint(0.0, *ends[:3]), Waypoint(span, *ends[3:])
     curve = JointCurve((first, last))
     for time, point in ((1e-9, first), (span - 1e-9, last)):
-        state = curve.state(time)
-        assert [getattr(state, name) for name in _STATE] == pytest.approx(
-            [getattr(point, name) for name in _STATE], abs=1e-4
-        )
+        found, stated = ([getattr(each, name) for name in _STATE] for each in (curve.state(time), point))
+        assert found == pytest.approx(stated, abs=1e-4)
 
 
 @pytest.mark.parametrize(

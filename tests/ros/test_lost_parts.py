@@ -53,9 +53,8 @@ def test_what_the_scenario_replaces(programs: list[LeftOutProgram]) -> None:
 )
 def test_another_world_is_lost_once_for_each_name(world: str, server: str) -> None:
     # With `debug:=true`, empty_world.launch starts the server by another program.
-    (message,) = {*lost(left_out("gazebo_ros/gzserver", server), world=world)} | {
-        *lost(left_out("gazebo_ros/debug", server), world=world)
-    }
+    programs = ("gazebo_ros/gzserver", "gazebo_ros/debug")
+    (message,) = {said for program in programs for said in lost(left_out(program, server), world=world)}
     assert message.startswith("the world 'yard.")
     assert message.endswith("of the launch file is not simulated: add its objects to 'world'")
 
@@ -73,9 +72,8 @@ ROBOT = left_out(CREATE, "-topic", "robot_description", "-name", "bot")
     ],
 )
 def test_further_models_are_lost(programs: list[LeftOutProgram], name: str) -> None:
-    assert lost(*programs) == [
-        f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
-    ]
+    (message,) = lost(*programs)
+    assert message == f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
 
 
 def test_controllers_of_ros_1_other_than_those_of_the_base_are_lost() -> None:
@@ -95,10 +93,8 @@ def test_controllers_of_ros_2_without_a_topic_of_the_robot_are_lost(tmp_path: Pa
         "    arm: {type: joint_trajectory_controller/JointTrajectoryController}\n"
         "    states: {type: joint_state_broadcaster/JointStateBroadcaster}\n"
     )
-    programs = [
-        left_out(SPAWNER, "arm", "states", "--param-file", str(file)),
-        left_out(SPAWNER, "-p", "missing", "grip"),
-    ]
+    spawners = (("arm", "states", "--param-file", str(file)), ("-p", "missing", "grip"))
+    programs = [left_out(SPAWNER, *words) for words in spawners]
     arm = "'arm' (joint_trajectory_controller/JointTrajectoryController)"
     why = "does not run, and the robot takes no commands on"
     assert list(lost_parts(programs, partial(lost_in_ros2, command_topics={"/cmd_vel", "/armed/cmd_vel"}))) == [

@@ -443,7 +443,7 @@ def test_the_newest_version_that_is_read_counts(tmp_path: Path) -> None:
     manifest(tmp_path, "".join(f'<sdf version="{version}"> {name}.sdf </sdf>' for name, version in versions.items()))
     assert found(tmp_path, "model://rover") == Path("rover/b.sdf")
     # Where all are newer, the newest counts.
-    manifest(tmp_path, '<sdf version="2.0">a.sdf</sdf>')
+    manifest(tmp_path, '<sdf version="2.0">b.sdf</sdf><sdf version="2.1">a.sdf</sdf>')
     assert found(tmp_path, "rover") == Path("rover/a.sdf")
 
 

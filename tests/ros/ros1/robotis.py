@@ -41,7 +41,6 @@ _BURGER = f"""\
     <link name="wheel_${{side}}_link"><xacro:part mesh="wheels/${{side}}_tire.stl" xyz="0 0 0" mass="0.028" i="2e-05">
       <cylinder length="0.018" radius="0.033"/></xacro:part></link>
   </xacro:macro>
-
   <link name="base_footprint"/>
   <xacro:fixed link="base_link" parent="base_footprint" xyz="0 0 0.010"/>
   <link name="base_link"><xacro:part mesh="bases/base.stl" xyz="-0.032 0 0.070" mass="0.826" i="0.002">
@@ -74,56 +73,31 @@ _GAZEBO = f"""\
   </gazebo>
   <gazebo>
     <plugin name="burger_controller" filename="libgazebo_ros_diff_drive.so">
-      <commandTopic>cmd_vel</commandTopic>
-      <odometryTopic>odom</odometryTopic>
-      <odometryFrame>odom</odometryFrame>
-      <odometrySource>world</odometrySource>
-      <publishOdomTF>true</publishOdomTF>
-      <robotBaseFrame>base_footprint</robotBaseFrame>
-      <publishWheelTF>false</publishWheelTF>
-      <publishTf>true</publishTf>
-      <publishWheelJointState>true</publishWheelJointState>
-      <legacyMode>false</legacyMode>
-      <updateRate>30</updateRate>
-      <leftJoint>wheel_left_joint</leftJoint>
-      <rightJoint>wheel_right_joint</rightJoint>
-      <wheelSeparation>0.160</wheelSeparation>
-      <wheelDiameter>0.066</wheelDiameter>
-      <wheelAcceleration>1</wheelAcceleration>
-      <wheelTorque>10</wheelTorque>
-      <rosDebugLevel>na</rosDebugLevel>
+      <commandTopic>cmd_vel</commandTopic><odometryTopic>odom</odometryTopic><odometryFrame>odom</odometryFrame>
+      <odometrySource>world</odometrySource><publishOdomTF>true</publishOdomTF>
+      <robotBaseFrame>base_footprint</robotBaseFrame><publishWheelTF>false</publishWheelTF><publishTf>true</publishTf>
+      <publishWheelJointState>true</publishWheelJointState><legacyMode>false</legacyMode><updateRate>30</updateRate>
+      <leftJoint>wheel_left_joint</leftJoint><rightJoint>wheel_right_joint</rightJoint>
+      <wheelSeparation>0.160</wheelSeparation><wheelDiameter>0.066</wheelDiameter>
+      <wheelAcceleration>1</wheelAcceleration><wheelTorque>10</wheelTorque><rosDebugLevel>na</rosDebugLevel>
     </plugin>
     <plugin name="imu_plugin" filename="libgazebo_ros_imu.so">
-      <alwaysOn>true</alwaysOn>
-      <bodyName>imu_link</bodyName>
-      <frameName>imu_link</frameName>
-      <topicName>imu</topicName>
-      <serviceName>imu_service</serviceName>
-      <gaussianNoise>0.0</gaussianNoise>
-      <updateRate>0</updateRate>
+      <alwaysOn>true</alwaysOn><bodyName>imu_link</bodyName><frameName>imu_link</frameName><topicName>imu</topicName>
+      <serviceName>imu_service</serviceName><gaussianNoise>0.0</gaussianNoise><updateRate>0</updateRate>
     </plugin>
   </gazebo>
   <gazebo reference="base_scan">
     <material>Gazebo/FlatBlack</material>
     <sensor type="ray" name="lds_sensor">
-      <pose>0 0 0 0 0 0</pose>
-      <visualize>$(arg laser_visual)</visualize>
-      <update_rate>5</update_rate>
+      <pose>0 0 0 0 0 0</pose><visualize>$(arg laser_visual)</visualize><update_rate>5</update_rate>
       <ray>
-        <scan>
-          <horizontal>
-            <samples>360</samples>
-            <resolution>1</resolution>
-            <min_angle>0.0</min_angle>
-            <max_angle>6.28319</max_angle>
-          </horizontal>
-        </scan>
+        <scan><horizontal><samples>360</samples><resolution>1</resolution>
+          <min_angle>0.0</min_angle><max_angle>6.28319</max_angle></horizontal></scan>
         <range><min>0.120</min><max>3.5</max><resolution>0.015</resolution></range>
         <noise><type>gaussian</type><mean>0.0</mean><stddev>0.01</stddev></noise>
       </ray>
       <plugin name="laser" filename="libgazebo_ros_laser.so">
-        <topicName>scan</topicName>
-        <frameName>base_scan</frameName>
+        <topicName>scan</topicName><frameName>base_scan</frameName>
       </plugin>
     </sensor>
   </gazebo>
@@ -146,22 +120,14 @@ _WORLD = """\
 _LAUNCH = """\
 <launch>
   <arg name="model" default="$(env TURTLEBOT3_MODEL)" doc="model type [burger, waffle, waffle_pi]"/>
-  <arg name="x_pos" default="0.0"/>
-  <arg name="y_pos" default="0.0"/>
-  <arg name="z_pos" default="0.0"/>
-
+  <arg name="x_pos" default="0.0"/><arg name="y_pos" default="0.0"/><arg name="z_pos" default="0.0"/>
   <include file="$(find gazebo_ros)/launch/empty_world.launch">
     <arg name="world_name" value="$(find turtlebot3_gazebo)/worlds/empty.world"/>
-    <arg name="paused" value="false"/>
-    <arg name="use_sim_time" value="true"/>
-    <arg name="gui" value="true"/>
-    <arg name="headless" value="false"/>
-    <arg name="debug" value="false"/>
+    <arg name="paused" value="false"/><arg name="use_sim_time" value="true"/><arg name="gui" value="true"/>
+    <arg name="headless" value="false"/><arg name="debug" value="false"/>
   </include>
-
   <param name="robot_description"
     command="$(find xacro)/xacro --inorder $(find turtlebot3_description)/urdf/turtlebot3_$(arg model).urdf.xacro"/>
-
   <node pkg="gazebo_ros" type="spawn_model" name="spawn_urdf"
         args="-urdf -model turtlebot3_$(arg model) -x $(arg x_pos) -y $(arg y_pos) -z $(arg z_pos)
               -param robot_description"/>

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import TypeAdapter
@@ -20,7 +20,10 @@ from tests.ros_workspace import written
 NODES: TypeAdapter[tuple[Ros2NodeSpec, ...]] = TypeAdapter(tuple[Ros2NodeSpec, ...])
 
 
-@pytest.fixture
+INSTALLATION = module._installation
+
+
+@pytest.fixture(autouse=True)
 def with_ros(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     prefix = ros_prefix(tmp_path_factory.mktemp("ros"))
     ros = find_ros({"AMENT_PREFIX_PATH": str(prefix)}, prefix / "absent")
@@ -32,32 +35,26 @@ def without_ros(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_installation", lambda: (None, "ROS 2 is not installed"))
 
 
-def problems(
-    root: Path, *nodes: object, launch: tuple[str, ...] | None = None, workspace: str | None = None
-) -> list[str]:
-    """Returns each problem as "key: message"."""
-    spec = Ros2Nodes.model_construct(
-        nodes=NODES.validate_python(nodes) if nodes else None, launch=launch, workspace=workspace
-    )
-    found = file_problems(spec, Workspace(root, root))
+def problems(root: Path, *nodes: object, **keys: Any) -> list[str]:
+    """Returns each problem as "key: message"; `keys`: `launch` and `workspace`."""
+    stated = {"nodes": NODES.validate_python(nodes) if nodes else None, "launch": None, "workspace": None, **keys}
+    found = file_problems(Ros2Nodes.model_construct(**stated), Workspace(root, root))
     return [f"{'.'.join(map(str, path))}: {message}" for path, message in found]
 
 
-def only(root: Path, *nodes: object, launch: tuple[str, ...] | None = None, workspace: str | None = None) -> str:
-    [problem] = problems(root, *nodes, launch=launch, workspace=workspace)
+def only(root: Path, *nodes: object, **keys: Any) -> str:
+    [problem] = problems(root, *nodes, **keys)
     return problem
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_there_are_either_nodes_or_a_launch_file(tmp_path: Path) -> None:
-    assert only(tmp_path) == ": needs either 'launch' or 'nodes'; give one of them"
-    both = only(tmp_path, "p/e", launch=("p", "f.launch.py"))
-    assert both == ": needs either 'launch' or 'nodes'; remove one of them"
+    either = ": needs either 'launch' or 'nodes'; "
+    assert only(tmp_path) == f"{either}give one of them"
+    assert only(tmp_path, "p/e", launch=("p", "f.launch.py")) == f"{either}remove one of them"
     short = only(tmp_path, launch=("p",))
     assert short == "launch: needs a package and a launch file, such as [my_robot, drive.launch.py]"
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_a_good_scenario_has_no_problem(tmp_path: Path) -> None:
     source(tmp_path)
     written(tmp_path / "src/my_robot/launch/drive.launch.py", "")
@@ -67,7 +64,6 @@ def test_a_good_scenario_has_no_problem(tmp_path: Path) -> None:
     assert problems(tmp_path, launch=("my_robot", "drive.launch.py", "x:=1.0")) == []
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_an_unknown_package_is_named_with_the_nearest(tmp_path: Path) -> None:
     source(tmp_path)
     expected = f"there is no package 'my_robots' in {tmp_path} or ROS 2; did you mean 'my_robot'? (allowed: my_robot)"
@@ -83,7 +79,6 @@ def test_without_ros_an_unknown_package_may_be_of_ros(tmp_path: Path) -> None:
     assert "no executable 'movr'" in only(tmp_path, "my_robot/movr")
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_an_unknown_executable_is_named_with_the_nearest(tmp_path: Path) -> None:
     source(tmp_path)
     computed = source(tmp_path, "computed", {"setup.py": "from setuptools import setup\nsetup(entry_points=read())\n"})
@@ -93,9 +88,8 @@ def test_an_unknown_executable_is_named_with_the_nearest(tmp_path: Path) -> None
         "nodes.0: the package 'my_robot' has no executable 'movr'; did you mean 'mover'? (allowed: mover); add it to "
         "console_scripts in setup.py"
     )
-    assert f"can be read from {computed}/setup.py, which computes its entry points; write" in only(
-        tmp_path, "computed/x"
-    )
+    unread = f"can be read from {computed}/setup.py, which computes its entry points; write"
+    assert unread in only(tmp_path, "computed/x")
     assert only(tmp_path, "built/talkr") == (
         "nodes.0: the package 'built' has no executable 'talkr'; did you mean 'talker'? (allowed: talker); add it to "
         "entry_points in setup.py or to install() in CMakeLists.txt, and build again"
@@ -103,7 +97,6 @@ def test_an_unknown_executable_is_named_with_the_nearest(tmp_path: Path) -> None
     assert only(tmp_path, "geometry_msgs/x") == "nodes.0: the package 'geometry_msgs' has no executable 'x'"
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_a_package_that_is_not_built_says_so(tmp_path: Path) -> None:
     manifest(tmp_path / "src/compiled", "compiled", "ament_cmake")
     written(tmp_path / "install/.colcon_install_layout", "isolated")
@@ -116,7 +109,6 @@ def test_a_package_that_is_not_built_says_so(tmp_path: Path) -> None:
         )
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_two_packages_of_one_name_are_named(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         manifest(tmp_path / "src" / folder, "twice", "ament_python")
@@ -125,7 +117,6 @@ def test_two_packages_of_one_name_are_named(tmp_path: Path) -> None:
     assert message in only(tmp_path, "twice/node", workspace=".")
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_a_workspace_that_is_not_built_says_so(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     absent = only(tmp_path, "p/e", workspace="install")
@@ -137,7 +128,6 @@ def test_a_workspace_that_is_not_built_says_so(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
     written(tmp_path / "compiled", "")
     written(tmp_path / "install/lib/built/talker", "")
@@ -152,34 +142,25 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
     assert only(tmp_path, "./compile").endswith("; did you mean 'compiled'?")
 
 
-@pytest.mark.usefixtures("with_ros")
-def test_a_manifest_that_is_no_xml_is_named(tmp_path: Path) -> None:
-    written(tmp_path / "src/broken/package.xml", "<package><name>broken")
-    path = tmp_path / "src/broken/package.xml"
+def test_a_manifest_that_is_no_xml_is_named_and_a_file_without_its_dot_suggested(tmp_path: Path) -> None:
+    written(tmp_path / "nodes/mover.py", "")
+    assert only(tmp_path, "nodes/mover.py").endswith("; if you mean the file, write ./nodes/mover.py")
+    path = written(tmp_path / "src/broken/package.xml", "<package><name>broken")
     assert only(tmp_path, "broken/mover") == f"nodes.0: the package 'broken' cannot be read: {path} is not valid XML"
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_names_are_suggested_for_missing_files_of_the_workspace_only(tmp_path: Path) -> None:
     (tmp_path / "mover.py").mkdir()
     (tmp_path / "repository").mkdir()
     written(tmp_path / "secret.py", "")
-    assert only(tmp_path, "./mover.py") == (
-        f"nodes.0: './mover.py' is a folder, not a file (looked for {tmp_path}/mover.py)"
-    )
+    folder = f"nodes.0: './mover.py' is a folder, not a file (looked for {tmp_path}/mover.py)"
+    assert only(tmp_path, "./mover.py") == folder
     assert "did you mean" not in only(tmp_path / "repository", "../secre.py")
     (tmp_path / "loop.py").symlink_to("loop.py")
     for path in ("./loop.py", "./\0.py"):
         assert "did you mean" not in only(tmp_path, path)
 
 
-@pytest.mark.usefixtures("with_ros")
-def test_a_file_without_its_dot_is_suggested(tmp_path: Path) -> None:
-    written(tmp_path / "nodes/mover.py", "")
-    assert only(tmp_path, "nodes/mover.py").endswith("; if you mean the file, write ./nodes/mover.py")
-
-
-@pytest.mark.usefixtures("with_ros")
 @pytest.mark.parametrize("odd", ["a\0b", "x" * 5000, "..", "*", "\n", "é"])
 def test_odd_names_are_problems(odd: str, tmp_path: Path) -> None:
     source(tmp_path)
@@ -190,7 +171,6 @@ def test_odd_names_are_problems(odd: str, tmp_path: Path) -> None:
     assert problems(tmp_path, "my_robot/mover", workspace=f"{odd}/install")
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_two_nodes_have_two_names(tmp_path: Path) -> None:
     source(tmp_path)
     mover = {"package": "my_robot", "executable": "mover"}
@@ -204,7 +184,6 @@ def test_two_nodes_have_two_names(tmp_path: Path) -> None:
     assert problems(tmp_path, mover, {**mover, "name": "other"}, {**mover, "namespace": "/left"}) == []
 
 
-@pytest.mark.usefixtures("with_ros")
 def test_a_launch_file_is_looked_for(tmp_path: Path) -> None:
     folder = source(tmp_path)
     absent = only(tmp_path, launch=("my_robot", "drive.launch.py"))
@@ -221,26 +200,13 @@ def test_notes_say_what_is_not_checked(without_ros: None) -> None:
         "ros2: the nodes are started when the scenario runs",
         "ros2: ROS 2 is not installed",
     )
-    assert (
-        Ros2Commands(ros2=Ros2Nodes(launch=("p", "f"))).unchecked[0]
-        == "ros2: the launch file is read when the scenario runs"
-    )
+    launched = Ros2Commands(ros2=Ros2Nodes(launch=("p", "f"))).unchecked
+    assert launched[0] == "ros2: the launch file is read when the scenario runs"
 
 
-@pytest.fixture
-def looked_for_again() -> Iterator[None]:
-    module._installation.cache_clear()
-    yield
-    module._installation.cache_clear()
-
-
-@pytest.mark.usefixtures("looked_for_again")
-def test_other_systems_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "platform", "darwin")
-    assert (why_no_ros() or "").startswith("nodes of ROS 2 run on Linux only")
-
-
-@pytest.mark.usefixtures("looked_for_again")
-def test_a_ros_that_cannot_be_used_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_systems_and_another_middleware_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_installation", INSTALLATION.__wrapped__)
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
     assert (why_no_ros() or "").startswith("RMW_IMPLEMENTATION is rmw_zenoh_cpp")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert (why_no_ros() or "").startswith("nodes of ROS 2 run on Linux only")

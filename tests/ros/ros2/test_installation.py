@@ -23,11 +23,13 @@ def problem(environment: dict[str, str], root: Path) -> str:
     return str(caught.value)
 
 
-def test_without_ros_one_message_says_what_to_type(tmp_path: Path) -> None:
-    message = problem({}, tmp_path)
-    assert re.search(
-        rf"^ROS 2 is not installed; .*setup\.bash.*pip install ros-jazzy-rclpy .*{PYTHON_VARIABLE}=", message
-    )
+def test_without_ros_one_message_says_what_to_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = rf"^ROS 2 is not installed; .*setup\.bash.*pip install ros-jazzy-rclpy .*{PYTHON_VARIABLE}="
+    assert re.search(said, problem({}, tmp_path))
+    # Relative prefixes do not count.
+    ros_prefix(tmp_path / "ros")
+    monkeypatch.chdir(tmp_path)
+    assert "not installed" in problem({"AMENT_PREFIX_PATH": "ros"}, tmp_path / "absent")
 
 
 def test_a_sourced_environment_comes_before_others(tmp_path: Path) -> None:
@@ -40,9 +42,8 @@ def test_a_sourced_environment_comes_before_others(tmp_path: Path) -> None:
     assert ros.variables["AMENT_PREFIX_PATH"] == f"{users}:{sourced}"
     modules = "lib/python3.12/site-packages"
     assert ros.variables["PYTHONPATH"] == f"{users}/{modules}:{sourced}/{modules}:/mine"
-    assert str(ros) == (
-        f"kilted in {sourced} (from the sourced environment), Fast DDS (rmw_fastrtps_cpp), for {sourced}/bin/python3.12"
-    )
+    shown = "kilted in {0} (from the sourced environment), Fast DDS (rmw_fastrtps_cpp), for {0}/bin/python3.12"
+    assert str(ros) == shown.format(sourced)
 
 
 def test_an_installed_distribution_needs_no_sourcing(tmp_path: Path) -> None:
@@ -103,10 +104,8 @@ def test_a_named_python_that_cannot_be_used_is_refused(name: str, message: str, 
     program(tmp_path / "bin/python")
     found = problem({PYTHON_VARIABLE: f"{tmp_path}/bin/{name}"}, ros_prefix(tmp_path / "root/jazzy").parent)
     assert re.search(rf"^{PYTHON_VARIABLE} is {tmp_path}/bin/{name}, .*{message}", found)
-
-
-def test_wheels_are_suggested_for_a_virtual_environment(tmp_path: Path) -> None:
-    python = program(tmp_path / "bin/python")
+    # Wheels are suggested for a virtual environment.
+    python = tmp_path / "bin/python"
     written(tmp_path / "pyvenv.cfg", "")
     assert f"has no rclpy; run {python} -m pip install ros-" in problem({PYTHON_VARIABLE: str(python)}, tmp_path)
 
@@ -150,26 +149,15 @@ def test_an_interpreter_is_found_on_path_or_named(tmp_path: Path, monkeypatch: p
     python = program(tmp_path / "bin/python3.99")
     monkeypatch.setenv("PATH", str(python.parent))
     assert find_ros(sourced, tmp_path / "absent").python == python
-
-
-def test_a_prefix_without_its_module_is_refused(tmp_path: Path) -> None:
-    prefix = ros_prefix(tmp_path)
-    (prefix / "lib/python3.12/site-packages/rclpy").rmdir()
-    assert "has no Python module rclpy" in problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
+    # Without its module, the prefix is refused.
+    (prefix / "lib/python3.99/site-packages/rclpy").rmdir()
+    assert "has no Python module rclpy" in problem(sourced, tmp_path / "absent")
 
 
 def test_other_middleware_is_refused(tmp_path: Path) -> None:
+    remedy = "lock-step needs Fast DDS; set RMW_IMPLEMENTATION=rmw_fastrtps_cpp, or unset it"
     message = problem({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, tmp_path)
-    assert message == (
-        "RMW_IMPLEMENTATION is rmw_cyclonedds_cpp, and lock-step needs Fast DDS; set "
-        "RMW_IMPLEMENTATION=rmw_fastrtps_cpp, or unset it"
-    )
-
-
-def test_relative_prefixes_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ros_prefix(tmp_path / "ros")
-    monkeypatch.chdir(tmp_path)
-    assert "not installed" in problem({"AMENT_PREFIX_PATH": "ros"}, tmp_path / "absent")
+    assert message == f"RMW_IMPLEMENTATION is rmw_cyclonedds_cpp, and {remedy}"
 
 
 @pytest.mark.parametrize("variable", [PYTHON_VARIABLE, "AMENT_PREFIX_PATH"])
@@ -184,27 +172,15 @@ def test_scripts_that_were_not_run_are_a_note() -> None:
     assert note.startswith("not run, because only a shell can: /opt/ros/jazzy/share/a/a.sh; ")
 
 
-def test_variables_are_extended_once(tmp_path: Path) -> None:
-    installed(
-        tmp_path,
-        "p",
-        "# a comment\n"
-        "prepend-non-duplicate;A;one;two\n"
-        "prepend-non-duplicate;A;one\n"
-        "append-non-duplicate;A;last\n"
-        "append-non-duplicate;A;last\n"
-        "prepend-non-duplicate-if-exists;A;absent\n"
-        "prepend-non-duplicate-if-exists;A;share\n"
-        "prepend-non-duplicate;A;/absolute\n"
-        "no semicolon\n"
-        "unknown;A;b\n",
-    )
+def test_variables_are_extended_once_or_set(tmp_path: Path) -> None:
+    before, last = "prepend-non-duplicate", "append-non-duplicate;A;last\n"
+    texts = f"# a comment\n{before};A;one;two\n{before};A;one\n{last}{last}"
+    folders = f"{before}-if-exists;A;absent\n{before}-if-exists;A;share\n{before};A;/absolute\n"
+    installed(tmp_path, "p", f"{texts}{folders}no semicolon\nunknown;A;b\n")
     found = set_up([tmp_path], {"A": "before", "B": "other"}).variables
     a = ["/absolute", f"{tmp_path}/share", f"{tmp_path}/two", f"{tmp_path}/one", "before", f"{tmp_path}/last"]
     assert found == {"A": ":".join(a), "AMENT_PREFIX_PATH": str(tmp_path)}
-
-
-def test_variables_are_set(tmp_path: Path) -> None:
+    # Others are set.
     installed(tmp_path, "p", "set;A;share\nset;B;text;more\nset-if-unset;C;new\nset-if-unset;D;new\nset;E;\n")
     found = set_up([tmp_path], {"A": "old", "C": "old"}).variables
     assert (found["A"], found["B"], found["D"]) == (f"{tmp_path}/share", "text;more", "new")

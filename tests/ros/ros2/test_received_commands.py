@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Sequence
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -28,16 +29,7 @@ from tests.ros.ros2.scenes import ARM, moment, resting, scene
 TWIST, STAMPED, TEXT = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String"
 DRIVE = received_commands.twist_subscription("cmd_vel", "/cmd_vel")
 
-
-def end(
-    node: str = "/mover",
-    type: str = TWIST,  # noqa: A002 - as the field
-    *,
-    reliability: str = "reliable",
-    durability: str = "volatile",
-    demands: tuple[str, ...] = (),
-) -> graph.TopicEnd:
-    return graph.TopicEnd(node, type, reliability, durability, demands)
+end = partial(graph.TopicEnd, node="/mover", type=TWIST, reliability="reliable", durability="volatile", demands=())
 
 
 def twist(x: float = 0.3, turn: float = 0.2) -> Message:
@@ -68,7 +60,7 @@ SEVERAL = (
     [
         ([end(type=TEXT)], WRONG_TYPE),
         ([end(type=TWIST), end(type=STAMPED)], f"'/mover' publishes /cmd_vel with several types: {TWIST}, {STAMPED}"),
-        ([end(), end("/joystick")], SEVERAL),
+        ([end(), end(node="/joystick")], SEVERAL),
     ],
 )
 def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[graph.TopicEnd], message: str) -> None:
@@ -123,11 +115,7 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
         (graph.TRANSFORMS, end(), None),
         (graph.USUAL, end(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
         (graph.USUAL, end(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
-        (
-            graph.USUAL,
-            end(demands=("a deadline", "a liveliness")),
-            "with a deadline and a liveliness, which the robot does",
-        ),
+        (graph.USUAL, end(demands=("a deadline", "a liveliness")), "with a deadline and a liveliness, which the robot"),
         (graph.Qos("best_effort"), end(), "so that they do not connect; subscribe with best_effort"),
     ],
 )
@@ -196,9 +184,8 @@ def test_trajectories_are_followed_as_in_ros_1(
     ours = receiver(needs_all=False)
     ours.take(trajectory(["b", "a"], *points), AT_REST)
     start = [Waypoint(2.0, -0.5, 0.0, 0.0), Waypoint(2.0, 0.5, 0.0, 0.0)]
-    theirs = joint_curves(
-        ["b", "a"], start, [TrajectoryPoint(2.0 + 0.5 * (number + 1), *group) for number, group in enumerate(stated)]
-    )
+    timed = [TrajectoryPoint(2.0 + 0.5 * (number + 1), *group) for number, group in enumerate(stated)]
+    theirs = joint_curves(["b", "a"], start, timed)
     time = 2.0 + 0.5 * share
     found = answered(ours, time)
     assert (dict(found.position), dict(found.velocity)) == (
@@ -238,9 +225,7 @@ def test_a_stamp_sets_the_start_and_a_trajectory_that_has_begun_goes_on_from_its
     assert answered(it, 4.0).position["a"] == pytest.approx(1.0)
     it.take(trajectory(["a"], point(0.0, [3.0]), point(2.0, [5.0]), stamp=1.0), AT_REST)
     assert answered(it, 2.5).position["a"] == pytest.approx(4.5, abs=0.01)
-
-
-def test_a_point_at_the_start_is_reached_at_once() -> None:
+    # A point at the start is reached at once.
     it = receiver(needs_all=False)
     it.take(trajectory(["a"], point(0.0, [1.0])), AT_REST)
     assert answered(it, 2.0).position == {"a": 1.0}
@@ -272,8 +257,8 @@ NAN = math.nan
         (trajectory(["a", "b"], point(1.0, [0.0] * 2, [0.0] * 2, [0.0, math.inf])), "accelerations[1] is inf"),
         (trajectory(["a", "b"], point(1.0, [0.0] * 2, [], [], [1.0] * 2)), "points[0] has efforts"),
         (
-            trajectory(["a", "b"], point(1.0, [0.0] * 2), point(1.0, [1.0] * 2)),
-            "points[1] is at 1 s, not later than the point before, at 1 s",
+            trajectory(["a", "b"], *[point(1.0, [0.0] * 2)] * 2),
+            "[1] is at 1 s, not later than the point before, at 1 s",
         ),
         (trajectory(["a", "b"], point(0.5, [0.0] * 2), stamp=1.0), "ended at 1.5 s, before the present, 2 s"),
         (trajectory(["a", "b"], point(1.0, [0.0] * 2, [0.0, 0.5])), "joint 'b' has the velocity 0.5"),

@@ -14,6 +14,10 @@ from tests.scenarios import load, problems
 NODE: TypeAdapter[Ros2NodeSpec] = TypeAdapter(Ros2NodeSpec)
 
 
+ONE_TYPE = "a list of a parameter has values of one type"
+NO_PROGRAM = "a node needs a 'package' and an 'executable', or a 'file'"
+
+
 def refusal(value: Any) -> str:
     with pytest.raises(ValidationError) as caught:
         NODE.validate_python(value)
@@ -39,12 +43,7 @@ def test_a_node_in_short_is_an_executable_or_a_file(short: str, full: dict[str, 
 
 @pytest.mark.parametrize(
     ("short", "hint"),
-    [
-        ("mover.py", "; did you mean './mover.py'?"),
-        ("mover", ""),
-        ("a/b/c", ""),
-        ("a/b/c.py", "; did you mean './a/b/c.py'?"),
-    ],
+    [("mover", ""), ("a/b/c", ""), *((name, f"; did you mean './{name}'?") for name in ("mover.py", "a/b/c.py"))],
 )
 def test_a_node_in_short_has_two_parts(short: str, hint: str) -> None:
     message = refusal(short)
@@ -55,9 +54,9 @@ def test_a_node_in_short_has_two_parts(short: str, hint: str) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({}, "a node needs a 'package' and an 'executable', or a 'file'"),
-        ({"package": "p"}, "a node needs a 'package' and an 'executable', or a 'file'; add 'executable'"),
-        ({"executable": "e"}, "a node needs a 'package' and an 'executable', or a 'file'; add 'package'"),
+        ({}, NO_PROGRAM),
+        ({"package": "p"}, f"{NO_PROGRAM}; add 'executable'"),
+        ({"executable": "e"}, f"{NO_PROGRAM}; add 'package'"),
         ({"file": "./f", "package": "p"}, "a node has either a 'file', or a 'package' and an 'executable'; remove one"),
     ],
 )
@@ -94,12 +93,8 @@ def test_all_keys_of_a_node_are_read() -> None:
         ("remap", {"/clock": "/x"}, "each node has a clock of its own"),
         ("args", "'open", "cannot be split into arguments: no closing quotation"),
         ("parameters", {"a": {"b": None}}, "'a.b' has no value; remove it, or give it one"),
-        (
-            "parameters",
-            {"a": (1, 2.0)},
-            "a list of a parameter has values of one type: bool, integer, float or text; 'a'",
-        ),
-        ("parameters", {"a": ((1,), (2,))}, "a list of a parameter has values of one type"),
+        ("parameters", {"a": (1, 2.0)}, f"{ONE_TYPE}: bool, integer, float or text; 'a'"),
+        ("parameters", {"a": ((1,), (2,))}, ONE_TYPE),
         ("parameters", {"": 1}, "a parameter needs a name, found ''"),
         ("parameters", {"a": {"": 1}}, "a parameter needs a name"),
         ("parameters", {"a": 2**63}, "an integer has 64 bits in ROS 2; 'a' has 9223372036854775808"),
@@ -136,37 +131,32 @@ commands: {first}
 expect: [no_collision]
 time_limit: 1 s
 """
+LAUNCH = "launch: [p, a.launch.py]"
+
+
+def drive(keys: str, more: str = "") -> str:
+    return f"{{ros2: {{{keys}, nodes: [./drive.py]}}{more}}}"
+
+
 FIRST = "{ros2: {nodes: [./drive.py]}}"
 
 
 @pytest.mark.parametrize(
     ("first", "second", "message"),
     [
-        (FIRST, "{ros2: {namespace: robot2, nodes: [./drive.py]}}", ""),
+        (FIRST, drive("namespace: robot2"), ""),
         ("{twist: [{linear: 1}]}", FIRST, ""),
         (FIRST, FIRST, "have the same topics and frames; state another one, such as 'namespace: robot2'"),
-        (
-            FIRST.replace("nodes", "namespace: /a, nodes"),
-            FIRST.replace("nodes", "namespace: a, nodes"),
-            "two robots with the namespace '/a' have",
-        ),
+        (drive("namespace: /a"), drive("namespace: a"), "two robots with the namespace '/a' have"),
         (
             FIRST,
-            "{ros2: {namespace: b, nodes: [./drive.py], pace: realtime}}",
+            drive("namespace: b, pace: realtime"),
             "one lock-step: 'pace' must be 'lockstep', as for the first one, not 'realtime'",
         ),
-        (FIRST, "{ros2: {namespace: b, nodes: [./drive.py]}, rate: 50 Hz}", "as for the first one, not 50 Hz"),
-        (
-            FIRST,
-            "{ros2: {launch: [p, a.launch.py]}}",
-            "a launch file drives only the robot under test; list the 'nodes'",
-        ),
-        (FIRST, "{ros2: {namespace: 2b, nodes: [./drive.py]}}", "a namespace has letters, digits and '_'"),
-        (
-            "{ros2: {namespace: b, launch: [p, a.launch.py]}}",
-            "{twist: [{linear: 1}]}",
-            "a launch file states the namesp",
-        ),
+        (FIRST, drive("namespace: b", ", rate: 50 Hz"), "as for the first one, not 50 Hz"),
+        (FIRST, f"{{ros2: {{{LAUNCH}}}}}", "a launch file drives only the robot under test; list the 'nodes'"),
+        (FIRST, drive("namespace: 2b"), "a namespace has letters, digits and '_'"),
+        (f"{{ros2: {{namespace: b, {LAUNCH}}}}}", "{twist: [{linear: 1}]}", "a launch file states the namesp"),
     ],
 )
 def test_robots_with_nodes_need_namespaces(tmp_path: Path, first: str, second: str, message: str) -> None:

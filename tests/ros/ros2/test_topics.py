@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import pytest
@@ -71,11 +71,9 @@ def test_topics_and_frames_of_a_robot_begin_with_its_namespace(tmp_path: Path) -
     assert {"/tf", "/tf_static", "/imu2", "/a/b/scan", "/a/b/eye/camera_info", "/a/b/robot_description"} < topics
     assert all(topic.startswith("/a/b/") for topic in topics - {"/tf", "/tf_static", "/imu2"})
     seen = resting(there)
-    frames = [
-        (each["header"]["frame_id"], each["child_frame_id"])
-        for topic in ("/tf", "/tf_static")
-        for each in first_message(found, topic, seen)["transforms"]
-    ]
+    messages = (first_message(found, topic, seen) for topic in ("/tf", "/tf_static"))
+    transforms = chain.from_iterable(message["transforms"] for message in messages)
+    frames = [(each["header"]["frame_id"], each["child_frame_id"]) for each in transforms]
     assert {("a/b/odom", "a/b/base_footprint"), ("a/b/base_footprint", "a/b/eye_optical_frame")} < set(frames)
     assert all(name.startswith("a/b/") for pair in frames for name in pair)
     assert first_message(found, "/a/b/scan", seen)["header"]["frame_id"] == "a/b/base_scan"
@@ -93,9 +91,8 @@ def test_unknown_keys_and_topics_used_twice_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("topic", ["/clock", "tf", "/robot_description", "/rosout"])
 def test_topics_that_every_robot_has_are_not_stated(tmp_path: Path, topic: str) -> None:
-    ((path, message),) = topic_problems(scene(tmp_path), {"cmd_vel": topic})
-    assert path == ("cmd_vel",)
-    assert message == f"'/{topic.strip('/')}' is a topic that every robot has; choose another one"
+    (problem,) = topic_problems(scene(tmp_path), {"cmd_vel": topic})
+    assert problem == (("cmd_vel",), f"'/{topic.strip('/')}' is a topic that every robot has; choose another one")
 
 
 @pytest.mark.parametrize(

@@ -389,14 +389,18 @@ def test_what_joins_the_robot_to_a_body_that_is_left_out_is_noted(tmp_path: Path
     assert kinds[1:] == [("a <tendon>", 3), ("an <equality>", 4)]
 
 
-def test_the_tree_with_actuators_is_the_robot_with_trees_that_equalities_couple_to_it(tmp_path: Path) -> None:
+def test_the_tree_with_actuators_is_the_robot_with_trees_that_equalities_or_tendons_couple_to_it(
+    tmp_path: Path,
+) -> None:
     for name, other in (("box", BOX), ("cabinet", CABINET)):
         found = model(tmp_path, HOIST + other, MOTOR)
         assert [joint.name for joint in found.moving_joints] == ["lift"]
         assert f"the file also has body '{name}'" in notes(found)[0]
-    coupled = MOTOR + '<equality><connect body1="lid" body2="upper" anchor="0 0 0"/></equality>'
-    found = model(tmp_path, HOIST + CABINET, coupled)
-    assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
+    fixed = '<fixed name="rope"><joint joint="lift" coef="1"/><joint joint="lid" coef="1"/></fixed>'
+    equality = '<equality><connect body1="lid" body2="upper" anchor="0 0 0"/></equality>'
+    for coupled in (equality, f"<tendon>{fixed}</tendon>"):
+        found = model(tmp_path, HOIST + CABINET, MOTOR + coupled)
+        assert [joint.name for joint in found.moving_joints] == ["lift", "lid"]
 
 
 def test_without_actuators_bodies_fixed_to_the_world_are_one_robot_and_free_ones_are_ambiguous(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.ros.launches import LaunchRequest
+from sim_action.ros.ros1.verdicts import findings
 from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
 from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
@@ -17,16 +18,21 @@ from tests.soak import soaked
 pytestmark = [needs_ros, pytest.mark.process]
 
 
+def passed(found: findings.Findings, count: int) -> findings.TestFindings:
+    """The one test of the launch, whose cases all passed, in step."""
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    assert len(test.methods.cases) == count
+    assert told(found).in_step
+    return test
+
+
 def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     package(tmp_path / "ws", "probe", {"probe.py": PROBE, "probe.test": PROBE_TEST})
     found = launched(tmp_path / "run", LaunchRequest("rostest", "probe", "probe.test", workspace=tmp_path / "ws"))
-    (test,) = found.tests
-    assert test.methods is not None, found.text
-    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}
-    assert len(test.methods.cases) == 22
-    run = told(found)
-    assert run.end == "test finished"
-    assert run.in_step
+    passed(found, 22)
+    assert told(found).end == "test finished"
 
 
 def test_planar_move_and_controllers(tmp_path: Path) -> None:
@@ -34,12 +40,8 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     package(tmp_path / "ws", "machine", files)
     request = LaunchRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws", allows_losses=True)
     found = launched(tmp_path / "run", request)
-    (test,) = found.tests
-    assert test.methods is not None, found.text
-    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
-    assert len(test.methods.cases) == 5
+    passed(found, 5)
     run = told(found)
-    assert run.in_step
     notes = "\n".join(run.notes)
     lost = "\n".join(loss.message for loss in run.losses)
     assert "the plugin smoke_machine of the robot is not supported" in lost
@@ -50,17 +52,18 @@ def test_planar_move_and_controllers(tmp_path: Path) -> None:
     assert "joint_state_controller/publish_rate is 200: messages are published 100 times per second" in notes
 
 
+def cart(folder: Path, urdf: str = CART) -> tuple[Path, LaunchRequest]:
+    files = {"cart.urdf": urdf, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
+    request = LaunchRequest("rostest", "cart", "cart.test", workspace=folder / "ws")
+    return package(folder / "ws", "cart", files), request
+
+
 @pytest.mark.parametrize("again", soaked([0, 1], short=[0]))
 def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path, again: int) -> None:
-    files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
-    folder = package(tmp_path / "ws", "cart", files)
-    request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    folder, request = cart(tmp_path)
     found = launched(tmp_path / "run", request)
     first = told(found)
-    (test,) = found.tests
-    assert test.methods is not None, found.text
-    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
-    (raised,) = test.callbacks
+    (raised,) = passed(found, 1).callbacks
     assert (raised.node, raised.exception) == ("clumsy", "AttributeError: 'Point' object has no attribute 'nothing'")
     assert raised.times > 1
     assert raised.location is not None
@@ -74,10 +77,7 @@ def test_a_sensor_without_a_valid_pose_is_an_invalid_robot(tmp_path: Path) -> No
     laser = '<plugin name="l" filename="libgazebo_ros_laser.so"><topicName>scan</topicName></plugin>'
     sensor = f'<sensor name="s" type="ray"><pose>0 0 high</pose>{laser}</sensor>'
     urdf = CART.replace("</robot>", f'<gazebo reference="base_link">{sensor}</gazebo></robot>')
-    files = {"cart.urdf": urdf, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
-    package(tmp_path / "ws", "cart", files)
-    request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
-    failure = told(launched(tmp_path / "run", request)).failure
+    failure = told(launched(tmp_path / "run", cart(tmp_path, urdf)[1])).failure
     assert failure is not None
     assert (failure.kind, failure.message) == ("invalid", "<pose> is '0 0 high': expected 6 finite numbers")
 
@@ -87,8 +87,4 @@ def test_robots_in_sdf(tmp_path: Path) -> None:
     package(tmp_path / "ws", "yard", files)
     (tmp_path / "ws/src/yard/package.xml").write_text(PACKAGE)
     found = launched(tmp_path / "run", LaunchRequest("rostest", "yard", "yard.test", workspace=tmp_path / "ws"))
-    (test,) = found.tests
-    assert test.methods is not None, found.text
-    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
-    assert len(test.methods.cases) == 2
-    assert told(found).in_step
+    passed(found, 2)

@@ -48,11 +48,8 @@ def test_all_are_at_home_again_however_often_they_were_moved() -> None:
     assert places(back) == places(first)
     assert back.robot is not None
     assert (back.robot.pose, back.robot.joints) == (Pose(), {})
-
-
-def test_what_comes_in_the_place_of_another_has_a_home_of_its_own() -> None:
-    first = world_models.WorldModels(World(objects=(box("wall"),)), ROBOT).moved({"wall": THERE, "rover": THERE})
-    again = first.without("wall").with_body(box("wall", AWAY)).without("rover")
+    # What comes in the place of another has a home of its own.
+    again = moved.without("wall").with_body(box("wall", AWAY)).without("rover")
     after = again.moved({"wall": HERE})
     assert places(after.at_spawn_poses()) == {"wall": AWAY.position_xyz}
 
@@ -81,10 +78,6 @@ def test_a_placement_is_where_the_pose_is(roll: float, pitch: float, yaw: float)
 EMPTY = world_models.WorldModels(World())
 
 
-def spawned(name: str) -> world_models.SpawnedRobot:
-    return world_models.SpawnedRobot(name, Element("robot"), Pose())
-
-
 def refusing(_: world_models.WorldModels) -> world_models.WorldModels:
     raise ValueError("not here")
 
@@ -111,7 +104,7 @@ def wait_for(changes: world_models.ChangeQueue) -> None:
 def test_who_asks_waits_until_the_change_is_made() -> None:
     changes = world_models.ChangeQueue()
     assert not changes.has_pending()
-    asking = Asking(changes, lambda models: replace(models, robot=spawned("rover")))
+    asking = Asking(changes, lambda models: replace(models, robot=ROBOT))
     wait_for(changes)
     assert asking.is_alive()
     models, restarts = changes.apply(EMPTY)
@@ -145,13 +138,8 @@ def test_they_act_for_their_time_and_the_joint_is_let_go_once() -> None:
     efforts = world_models.JointEfforts()
     efforts.apply("a", 2.0, 1.0, 0.5)
     times = [0.99, 1.0, 1.49, 1.5, 1.6]
-    assert [efforts_in(efforts.added_to(None, time, NONE)) for time in times] == [
-        {},
-        {"a": 2.0},
-        {"a": 2.0},
-        {"a": 0.0},
-        {},
-    ]
+    told = [efforts_in(efforts.added_to(None, time, NONE)) for time in times]
+    assert told == [{}, {"a": 2.0}, {"a": 2.0}, {"a": 0.0}, {}]
 
 
 def test_those_of_one_joint_add_up_and_last_until_they_are_cleared() -> None:

@@ -184,9 +184,8 @@ def test_skipped_cases_are_not_exercised_or_a_warning_beside_others() -> None:
 
     skipped, some = judged_cases(SKIPPED), judged_cases(PASSED, SKIPPED)
     assert skipped.status == "not_exercised"
-    assert skipped.expectations[0].verdict.message == (
-        "never checked: the test skipped this case (no lidar); let it run, or remove it"
-    )
+    why = "never checked: the test skipped this case (no lidar); let it run, or remove it"
+    assert skipped.expectations[0].verdict.message == why
     assert (some.status, some.display_status) == ("passed", "warned")
     assert [expected.status for expected in some.expectations] == ["passed", "warned"]
     failed = judged_cases(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))

@@ -154,55 +154,42 @@ STARTED: Final[dict[str, tuple[str, list[list[str]]]]] = {
 }
 """Name of a file -> its text, and the commands that it starts."""
 
+INSIDE: Final = '<launch><node pkg="p" exec="e">\n{}</node></launch>'
+IN_PYTHON: Final = {
+    "word.launch.py": ("Node(package='p', executable='e', paramters=[])", "'paramters' of Node"),
+    "container.launch.py": ("ComposableNodeContainer(name='c')", "'ComposableNodeContainer' of launch_ros.actions"),
+    "class.launch.py": ("launch.actions.OpaqueCoroutine()", "'OpaqueCoroutine' of launch.actions"),
+    "event.launch.py": ("RegisterEventHandler(OnProcessIO(on_stdout=print))", "'OnProcessIO' of launch.event_handlers"),
+    "mixed.launch.py": (
+        "Node(package='p', executable='e', parameters=[{'a': [1, 'b']}])",
+        "the parameter 'a' has no type of ROS",
+    ),
+    "object.launch.py": ("object()", "an action of the class 'object'"),
+    "missing.launch.py": ("DeclareLaunchArgument('a')", "the argument 'a' has no value"),
+    "choice.launch.py": (
+        "DeclareLaunchArgument('a', default_value='x', choices=['y', 'z'])",
+        "'a' is 'x', and may be y, z",
+    ),
+}
+"""Name of a file -> its actions, and a part of the message."""
 REFUSED: Final[dict[str, tuple[str, str, int]]] = {
     "tag.launch.xml": ("<launch>\n<node_container/>\n</launch>", "the element <node_container>", 2),
     "attribute.launch.xml": ('<launch>\n\n<node pkg="p" exec="e" respwan="1"/></launch>', "'respwan' of <node>", 3),
     "word.launch.xml": ('<launch>\n<node package="p" exec="e"/></launch>', "'package' of <node>", 2),
-    "inner.launch.xml": (
-        '<launch><node pkg="p" exec="e">\n<remap from="a" to="b" c="d"/></node></launch>',
-        "'c' of <remap>",
-        1,
-    ),
+    "inner.launch.xml": (INSIDE.format('<remap from="a" to="b" c="d"/>'), "'c' of <remap>", 1),
     "child.launch.xml": ('<launch>\n<let name="a" value="b"><x/></let></launch>', "<x> in <let>", 2),
     "root.launch.xml": ("<launch unknown='1'/>", "'unknown' of <launch>", 0),
     "text.launch.xml": ('<launch>\n<log message="$(param x)"/></launch>', "the substitution '$(param)'", 2),
     "open.launch.xml": ('<launch>\n<log message="$(var x"/></launch>', "has a '$(' without ')'", 2),
     "name.launch.xml": ('<launch>\n<log message="$(var x)"/></launch>', "launch configuration 'x' does not exist", 2),
     "broken.launch.xml": ("<launch>\n<node></launch>", "it is not XML: mismatched tag", 2),
-    "type.launch.xml": (
-        '<launch><node pkg="p" exec="e">\n<param name="a" value="1" type="double"/></node></launch>',
-        "the type 'double' of <param>",
-        1,
-    ),
+    "type.launch.xml": (INSIDE.format('<param name="a" value="1" type="double"/>'), "the type 'double' of <param>", 1),
     "key.launch.yaml": ("launch:\n- node: {pkg: p, exec: e}\n- let:\n    nam: a\n", "'nam' of <let>", 3),
     "tag.launch.yaml": ("launch:\n- node: {pkg: p, exec: e}\n- leet: {name: a}\n", "the element <leet>", 3),
     "broken.launch.yaml": ("launch:\n- node: {pkg: p\n", "it is not YAML", 3),
     "root.launch.yaml": ("lunch: []\n", "its root must be 'launch'", 1),
-    "word.launch.py": (PYTHON.format("Node(package='p', executable='e', paramters=[])"), "'paramters' of Node", LINE),
-    "container.launch.py": (
-        PYTHON.format("ComposableNodeContainer(name='c')"),
-        "'ComposableNodeContainer' of launch_ros.actions",
-        LINE,
-    ),
-    "class.launch.py": (PYTHON.format("launch.actions.OpaqueCoroutine()"), "'OpaqueCoroutine' of launch.actions", LINE),
-    "event.launch.py": (
-        PYTHON.format("RegisterEventHandler(OnProcessIO(on_stdout=print))"),
-        "'OnProcessIO' of launch.event_handlers",
-        LINE,
-    ),
-    "mixed.launch.py": (
-        PYTHON.format("Node(package='p', executable='e', parameters=[{'a': [1, 'b']}])"),
-        "the parameter 'a' has no type of ROS",
-        LINE,
-    ),
-    "object.launch.py": (PYTHON.format("object()"), "an action of the class 'object'", LINE),
     "function.launch.py": ("x = 1\n", "has no function generate_launch_description", 0),
-    "missing.launch.py": (PYTHON.format("DeclareLaunchArgument('a')"), "the argument 'a' has no value", LINE),
-    "choice.launch.py": (
-        PYTHON.format("DeclareLaunchArgument('a', default_value='x', choices=['y', 'z'])"),
-        "'a' is 'x', and may be y, z",
-        LINE,
-    ),
+    **{name: (PYTHON.format(text), message, LINE) for name, (text, message) in IN_PYTHON.items()},
 }
 """Name of a file -> its text, a part of the message, and the line (0: none in the file)."""
 
