@@ -31,7 +31,6 @@ from tests.onnx_files import (
     part,
     recurrent,
     tensor,
-    varint,
 )
 from tests.soak import examples
 
@@ -296,7 +295,3 @@ def test_the_check_opens_a_file_again_only_if_it_has_changed(tmp_path: Path) -> 
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime == used
     (tmp_path / "a.onnx").write_bytes(recurrent())
     assert list(checked_network(workspace, "a.onnx", {}).inputs) == ["obs", "h_in"]
-
-
-def test_a_varint_has_seven_bits_in_each_byte() -> None:
-    assert varint(300) == b"\xac\x02"
