@@ -10,11 +10,11 @@ CHANGE = PathChange(text="the robot was 0.80 m further left at 3.1 s", distance=
 
 
 def expected(name: str, **keys: object) -> ProvenExpectation:
-    return ProvenExpectation.model_validate(
-        {"name": name, "assertion": name, "severity": "error", "location": PLACE, **keys}
-    )
+    stated = {"name": name, "assertion": name, "severity": "error", "location": PLACE}
+    return ProvenExpectation.model_validate(stated | keys)
 
 
+SOONER = "- reach: {x: 1}\n  before: 2"
 PROVEN = ProvenScenario(
     name="burger\nturns",
     file="a.sim.yml",
@@ -25,14 +25,10 @@ PROVEN = ProvenScenario(
     ),
     mutants=(
         MutantResult(name="a", words="a fault", status="noticed", noticed_by=(0,)),
-        MutantResult(
-            name="b", words="b fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
-        ),
+        MutantResult(name="b", words="b fault", status="survived", change=CHANGE, suggestion=SOONER),
         MutantResult(name="c", words="c fault", status="survived"),
         MutantResult(name="f", words="f fault", status="survived", change=CHANGE),
-        MutantResult(
-            name="g", words="g fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
-        ),
+        MutantResult(name="g", words="g fault", status="survived", change=CHANGE, suggestion=SOONER),
         MutantResult(name="d", words="d fault", status="no effect"),
         MutantResult(name="e", words="e fault", status="could not run", reason="script error: stuck"),
     ),

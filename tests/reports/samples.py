@@ -16,6 +16,7 @@ from tests.outcomes import like
 
 STRAIGHT = "scenarios/straight.sim.yml"
 WALL = "scenarios/wall.sim.yml"
+CIRCLE = "scenarios/circle.sim.yml"
 
 TRAVEL = ExpectationOutcome(
     name="travel at least 1.5 m",
@@ -32,22 +33,16 @@ UPRIGHT = ExpectationOutcome(
     location=Location(WALL, 14, 5),
     verdict=Verdict(False, 0.5236, 0.3491, -0.1745, "rad", 1.25, "tilted 30 deg at 1.25 s, more than 20 deg"),
 )
+TOUCHED = "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
 COLLISION = ExpectationOutcome(
     name="no_collision",
     assertion="no_collision",
     severity="error",
     location=Location(WALL, 12, 5),
-    verdict=Verdict(
-        False, 1.0, 0.0, -1.0, "contacts", 3.2, "base_link touched wall at 3.20 s, at (2.95, 0.00, 0.10) m, with 4.1 N"
-    ),
+    verdict=Verdict(False, 1.0, 0.0, -1.0, "contacts", 3.2, TOUCHED),
 )
-CUT_OFF = like(
-    TRAVEL,
-    location=Location(WALL, 8, 5),
-    verdict=Verdict(
-        False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run ended", cut_off=True
-    ),
-)
+ENDED = Verdict(False, 1.2, 1.5, -0.3, "m", 3.2, "travelled 1.2 m of 1.5 m in 3.2 s, when the run ended", cut_off=True)
+CUT_OFF = like(TRAVEL, location=Location(WALL, 8, 5), verdict=ENDED)
 NOTHING_TO_TOUCH = AuditWarning(
     rule="nothing-to-touch",
     message="the world has no objects, so the robot can touch nothing; add objects, or remove no_collision",
@@ -77,7 +72,7 @@ HOSTILE = (
 
 SKIPPED = Outcome(
     name="burger circles",
-    file="scenarios/circle.sim.yml",
+    file=CIRCLE,
     line=7,
     status="skipped",
     notes=("not run: another scenario did not pass (--fail-fast)",),
@@ -106,6 +101,7 @@ PROVENANCE = Provenance(
     numpy="2.4.6",
     platform="Linux-x86_64",
 )
+DIFFERS = "3 of 5 runs agree; run 2 differs from run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26"
 FLAKY = like(
     PASSED,
     name="burger wanders",
@@ -113,29 +109,17 @@ FLAKY = like(
     expectations=(),
     repeats=Repeats(count=5, agreed=3, digests=2),
     provenance=PROVENANCE,
-    failures=(
-        Failure(
-            kind="flaky",
-            title="flaky",
-            message=(
-                "3 of 5 runs agree; run 2 differs from run 1 at 0.3042 s, in x of base_position_xyz: 0.25 and not 0.26"
-            ),
-            time=0.3042,
-        ),
-    ),
+    failures=(Failure(kind="flaky", title="flaky", message=DIFFERS, time=0.3042),),
     notes=("the trace of run 1 is stored here, the trace of run 2 in traces/burger-wanders-2.npz",),
 )
-
-
 JUDGED_TRAVEL = like(TRAVEL, verdict=replace(TRAVEL.verdict, judged=Judged(240, 0.0, 1.0)))
+NO_READING = "never checked: sensor 'lidar' had no reading; lower its rate or run for longer"
 NEVER_READ = ExpectationOutcome(
     name="range stays above 0.2 m",
     assertion="sensor",
     severity="error",
     location=Location(WALL, 17, 5),
-    verdict=Verdict(
-        False, message="never checked: sensor 'lidar' had no reading; lower its rate or run for longer", judged=Judged()
-    ),
+    verdict=Verdict(False, message=NO_READING, judged=Judged()),
 )
 UNREAD = like(
     PASSED, name="burger watches the wall", file=WALL, status="not_exercised", expectations=(JUDGED_TRAVEL, NEVER_READ)
@@ -162,18 +146,26 @@ APART = Measurement(
     message="position differs from pybullet 3.2.7 by at most 0.00212 m, at 0.52 s",
 )
 
+STEADY = variation(1.0, "0 deg", "passed", 0.0)
+BROKEN_FILE, ODD_FILE = "scenarios/broken.sim.yml", "scenarios/a b|c,d:e%.sim.yml"
+
+
+def error(name: str, file: str, *failures: Failure, wall_time: float = 0.0) -> Outcome:
+    return Outcome(name=name, file=file, status="error", failures=failures, wall_time=wall_time)
+
+
+def invalid(message: str, line: int, column: int) -> Failure:
+    place = Location(BROKEN_FILE, line, column)
+    return Failure(kind="invalid", title="invalid scenario", message=message, location=place)
+
+
 _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
     "passed": (PASSED,),
     "flaky": (
         like(PASSED, repeats=Repeats(count=5, agreed=5, digests=1), provenance=PROVENANCE),
         FLAKY,
         variation(0.4, "0 deg", "passed", 0.0),
-        FLAKY.model_copy(
-            update={
-                name: getattr(variation(1.0, "0 deg", "passed", 0.0), name)
-                for name in ("name", "file", "group", "variation")
-            }
-        ),
+        like(FLAKY, name=STEADY.name, file=STEADY.file, group=STEADY.group, variation=STEADY.variation),
     ),
     "failed": (
         like(
@@ -244,50 +236,33 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
         unread_variation(0.6),
     ),
     "crash": (
-        Outcome(
-            name="burger falls apart",
-            file=WALL,
-            status="error",
-            failures=(
-                Failure(
-                    kind="crash",
-                    title="SIGSEGV",
-                    message="the process of this scenario was ended by SIGSEGV; sim time had come to 1.20 s",
-                    details="controller: wall ahead\n```\nnot the end of the fence",
-                ),
+        error(
+            "burger falls apart",
+            WALL,
+            Failure(
+                kind="crash",
+                title="SIGSEGV",
+                message="the process of this scenario was ended by SIGSEGV; sim time had come to 1.20 s",
+                details="controller: wall ahead\n```\nnot the end of the fence",
             ),
             wall_time=0.71,
         ),
     ),
     "invalid": (
-        Outcome(
-            name="broken.sim.yml",
-            file="scenarios/broken.sim.yml",
-            status="error",
-            failures=tuple(
-                Failure(kind="invalid", title="invalid scenario", message=message, location=location)
-                for message, location in (
-                    (
-                        "'parsec' is not a unit of time; use one of: s, ms, us, min, h",
-                        Location("scenarios/broken.sim.yml", 9, 13),
-                    ),
-                    ("'travl' is not an assertion; did you mean 'travel'?", Location("scenarios/broken.sim.yml", 7, 5)),
-                )
-            ),
+        error(
+            "broken.sim.yml",
+            BROKEN_FILE,
+            invalid("'parsec' is not a unit of time; use one of: s, ms, us, min, h", 9, 13),
+            invalid("'travl' is not an assertion; did you mean 'travel'?", 7, 5),
         ),
     ),
     "interrupted": (
         PASSED,
-        Outcome(
-            name="burger circles",
-            file="scenarios/circle.sim.yml",
-            status="error",
-            failures=(
-                Failure(
-                    kind="interrupted",
-                    title="interrupted",
-                    message="the run was interrupted before this scenario ended",
-                ),
+        error(
+            "burger circles",
+            CIRCLE,
+            Failure(
+                kind="interrupted", title="interrupted", message="the run was interrupted before this scenario ended"
             ),
         ),
     ),
@@ -301,7 +276,7 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
                     SHORT,
                     name=HOSTILE,
                     verdict=Verdict(False, 1.0, 2.0, -1.0, "m", 1.0, HOSTILE),
-                    location=Location("scenarios/a b|c,d:e%.sim.yml", 3, 1),
+                    location=Location(ODD_FILE, 3, 1),
                 ),
             ),
             marks=(TimeMark(0.5, 0.5, HOSTILE),),
@@ -309,39 +284,30 @@ _OUTCOMES: dict[str, tuple[Outcome, ...]] = {
             notes=(HOSTILE,),
             output=f"[[ATTACHMENT|/etc/passwd]]\n[\x00[ATTACHMENT|/etc/shadow]]\n{HOSTILE}\n````\n</details>",
         ),
-        Outcome(
-            name=HOSTILE,
-            file="scenarios/a b|c,d:e%.sim.yml",
-            status="error",
-            failures=(
-                Failure(kind="script", title=HOSTILE, message=HOSTILE, details=f"{HOSTILE}\n````\n# no heading"),
-            ),
+        error(
+            HOSTILE,
+            ODD_FILE,
+            Failure(kind="script", title=HOSTILE, message=HOSTILE, details=f"{HOSTILE}\n````\n# no heading"),
         ),
     ),
     "missing": (
         PASSED,
-        Outcome(
-            name="circle.sim.yml",
-            file="scenarios/circle.sim.yml",
-            status="error",
-            failures=(
-                Failure(
-                    kind="missing",
-                    title="no result",
-                    message="no shard returned a result for this scenario; check the jobs that should have run it",
-                ),
+        error(
+            "circle.sim.yml",
+            CIRCLE,
+            Failure(
+                kind="missing",
+                title="no result",
+                message="no shard returned a result for this scenario; check the jobs that should have run it",
             ),
         ),
-        Outcome(
-            name="shard 2 of 3",
-            file="",
-            status="error",
-            failures=(
-                Failure(
-                    kind="missing",
-                    title="no results",
-                    message="shard 2 of 3 returned no results; 4 of 12 scenarios have none; check its job",
-                ),
+        error(
+            "shard 2 of 3",
+            "",
+            Failure(
+                kind="missing",
+                title="no results",
+                message="shard 2 of 3 returned no results; 4 of 12 scenarios have none; check its job",
             ),
         ),
     ),

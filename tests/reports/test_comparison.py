@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from markdown_it import MarkdownIt
@@ -33,28 +32,23 @@ def several() -> Comparison:
     new += [_named("still", failed), _named("new", passed), _named("otherwise", crash)]
     old += [_named("elsewhere", like(passed, **fast, provenance=_made_on("Big")))]
     new += [_named("elsewhere", like(slow, provenance=_made_on("Small | 2")))]
-    flaky = like(
-        crash, status="flaky", failures=(Failure(kind="flaky", title="flaky", message="no two of 5 runs the same"),)
-    )
+    differ = Failure(kind="flaky", title="flaky", message="no two of 5 runs the same")
+    flaky = like(crash, status="flaky", failures=(differ,))
     old += [_named("shaky", passed), _named("once", flaky)]
     new += [_named("shaky", flaky), _named("once", passed)]
     travel = passed.expectations[0]
     strict = _with(passed, travel, like(travel, name="stay upright", assertion="upright"))
     looser = replace(travel.verdict, limit=1.0, margin=0.5012)
     old += [_named("weaker", strict)]
-    loose = _renamed(travel, "travel at least 1 m", verdict=looser, severity="warning")
+    loose = like(travel, name="travel at least 1 m", verdict=looser, severity="warning")
     new += [_named("weaker", _with(passed, loose))]
     old += [_named("renamed", passed)]
-    new += [_named("renamed", _with(passed, _renamed(travel, "come home", unexercised="warn")))]
+    new += [_named("renamed", _with(passed, like(travel, name="come home", unexercised="warn")))]
     return compare_outcomes(old, new)
 
 
 def _with(outcome: Outcome, *expectations: ExpectationOutcome) -> Outcome:
     return like(outcome, expectations=expectations)
-
-
-def _renamed(expected: ExpectationOutcome, name: str, **fields: Any) -> ExpectationOutcome:
-    return like(expected, name=name, **fields)
 
 
 def _made_on(cpu: str) -> Provenance:
@@ -67,8 +61,7 @@ def _named(name: str, outcome: Outcome) -> Outcome:
 
 def _with_margin(outcome: Outcome, margin: float) -> Outcome:
     (expected,) = outcome.expectations
-    verdict = replace(expected.verdict, margin=margin)
-    return like(outcome, expectations=(like(expected, verdict=verdict),))
+    return _with(outcome, like(expected, verdict=replace(expected.verdict, margin=margin)))
 
 
 def printed(comparison: Comparison, environment: dict[str, str] | None = None) -> str:
@@ -77,9 +70,10 @@ def printed(comparison: Comparison, environment: dict[str, str] | None = None) -
     return stream.getvalue()
 
 
-def test_golden(several: Comparison, golden: Callable[[str, str], None]) -> None:
-    golden("comparison.txt", printed(several))
-    golden("comparison.md", comparison_markdown(several))
+def test_golden(several: Comparison, gates: Comparison, golden: Callable[[str, str], None]) -> None:
+    for name, comparison in (("comparison", several), ("paired", gates)):
+        golden(f"{name}.txt", printed(comparison))
+        golden(f"{name}.md", comparison_markdown(comparison))
 
 
 def test_an_expectation_that_is_no_longer_judged_is_a_warning() -> None:
@@ -107,8 +101,7 @@ def test_a_scope_that_demands_less_is_a_warning(goal: bool, old: Scope, new: Sco
     verdict = replace(expected.verdict, goal=goal)
 
     def scoped(scope: Scope) -> Outcome:
-        judged = like(expected, verdict=verdict, scope=scope)
-        return like(passed, expectations=(judged,))
+        return _with(passed, like(expected, verdict=verdict, scope=scope))
 
     (row,) = rows(compare_outcomes([scoped(old)], [scoped(new)]))
     assert (row.status, row.kind) == ("warned", "allows more" if new.allowed else "weaker window")
@@ -126,9 +119,8 @@ def test_headlines_and_titles() -> None:
     flaky = like(SAMPLES["crash"].outcomes[0], status="flaky")
     failed = SAMPLES["failed"].outcomes[0]
     assert comparison_markdown(compare_outcomes([], [flaky])).startswith("## 🎲 1 scenario is flaky\n")
-    assert comparison_markdown(compare_outcomes([], [flaky, failed])).startswith(
-        "## ❌ 1 scenario newly fails, 1 flaky\n"
-    )
+    text = comparison_markdown(compare_outcomes([], [flaky, failed]))
+    assert text.startswith("## ❌ 1 scenario newly fails, 1 flaky\n")
     # Runs that are alike have a headline alone.
     same = compare_outcomes(SAMPLES["passed"].outcomes, SAMPLES["passed"].outcomes)
     assert printed(same) == "1 still passes\n"
@@ -207,11 +199,6 @@ def gates() -> Comparison:
     return compare_outcomes(old, new)
 
 
-def test_golden_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
-    golden("paired.txt", printed(gates))
-    golden("paired.md", comparison_markdown(gates))
-
-
 def test_changes_of_gates_without_a_row_of_their_runs() -> None:
     # A gate that needs less confidence is a warning.
     old, new = (judged(verdicts([True] * 40), confidence=confidence) for confidence in (0.95, 0.8))
@@ -264,6 +251,6 @@ def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
 def test_a_goal_that_was_met_before_has_no_margin(goal: bool, told: str) -> None:
     passed, failed = SAMPLES["passed"].outcomes[0], SAMPLES["failed"].outcomes[2]
     travel = passed.expectations[0]
-    met = _named("a", _with(passed, _renamed(travel, travel.name, verdict=replace(travel.verdict, goal=goal))))
+    met = _named("a", _with(passed, like(travel, verdict=replace(travel.verdict, goal=goal))))
     (row,) = rows(compare_outcomes([met], [_named("a", failed)]))
     assert row.message.endswith(f"; before: {told}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any, get_args
+from typing import Literal, get_args
 
 import pytest
 import yaml
@@ -26,8 +26,8 @@ from sim_action.results.outcome import (
     Outcome,
     Status,
 )
-from sim_action.results.results_json import Results
 from sim_action.state.verdict import Judged, Verdict
+from tests.outcomes import like, results
 
 ROOT = Path(__file__).parents[2]
 VIEWER = ROOT / "sim_action/reports/viewer"
@@ -36,37 +36,28 @@ EXPECTATION_STATUSES: tuple[ExpectationStatus, ...] = get_args(ExpectationStatus
 
 
 def expectation(status: ExpectationStatus) -> ExpectationOutcome:
-    unjudged = status == "not_exercised"
+    judged = Judged() if status == "not_exercised" else Judged(3, 0.0, 1.0)
+    inconclusive: Literal["statistical"] | None = "statistical" if status == "inconclusive" else None
     return ExpectationOutcome(
         name="travel",
         assertion="travel",
         severity="warning" if status == "warned" else "error",
         location=Location("a.sim.yml", 3),
-        verdict=Verdict(
-            status == "passed",
-            message="told",
-            judged=Judged() if unjudged else Judged(3, 0.0, 1.0),
-            inconclusive="statistical" if status == "inconclusive" else None,
-        ),
+        verdict=Verdict(status == "passed", message="told", judged=judged, inconclusive=inconclusive),
     )
 
 
 def outcome(status: Status) -> Outcome:
     """An outcome of this status, as the runner makes them."""
-    about: dict[str, Any] = {}
+    made = Outcome(name="a", file="a.sim.yml", status=status)
     match status:
         case "error" | "flaky":
             kind = "crash" if status == "error" else "flaky"
-            about["failures"] = (Failure.model_validate({"kind": kind, "title": "a", "message": "told"}),)
+            return like(made, failures=(Failure.model_validate({"kind": kind, "title": "a", "message": "told"}),))
         case "skipped":
-            pass
+            return made
         case _:
-            about["expectations"] = (expectation(status),)
-    return Outcome(name="a", file="a.sim.yml", status=status, **about)
-
-
-def results(*outcomes: Outcome) -> Results:
-    return Results(sim_action="0", python="3.11", platform="here", wall_time=1.0, outcomes=outcomes)
+            return like(made, expectations=(expectation(status),))
 
 
 def test_the_table_of_statuses() -> None:
@@ -104,15 +95,9 @@ def test_all_before_passed_fails_the_process_and_is_an_error_in_reports(status: 
 
 
 @pytest.mark.parametrize("status", STATUSES)
-def test_each_status_is_counted(status: Status) -> None:
-    assert counts_text(results(outcome(status), outcome("passed"))) in (
-        f"1 passed, 1 {STATUS_DISPLAYS[status].word}",
-        "2 passed",
-    )
-
-
-@pytest.mark.parametrize("status", STATUSES)
-def test_each_status_has_an_output_of_the_action(status: Status, options: ReportOptions) -> None:
+def test_each_status_is_counted_and_has_an_output_of_the_action(status: Status, options: ReportOptions) -> None:
+    counts = "2 passed" if status == "passed" else f"1 passed, 1 {STATUS_DISPLAYS[status].word}"
+    assert counts_text(results(outcome(status), outcome("passed"))) == counts
     name = {"error": "errors"}.get(status, status.replace("_", "-"))
     assert outputs(results(outcome(status)), options)[name] == "1"
     assert outputs(results(), options)[name] == "0"

@@ -44,12 +44,8 @@ def test_a_test_that_stops_early_has_its_mean_number_of_runs() -> None:
     (table,) = chance_tables([planned_gate(200, stop_early=EARLY)])
     assert "gate of at most 200 runs, 95 % against 85 % with 95 % confidence" in table.title
     assert table.columns == ("85 %", "90 %", "95 %", "99 %")
-    assert {row[0]: row[3] for row in table.rows} == {
-        "passes": "0.96",
-        "inconclusive": "0.01",
-        "fails": "0.03",
-        "mean number of runs": "55",
-    }
+    rows = {row[0]: row[3] for row in table.rows}
+    assert rows == {"passes": "0.96", "inconclusive": "0.01", "fails": "0.03", "mean number of runs": "55"}
 
 
 @pytest.mark.parametrize(
@@ -111,12 +107,6 @@ def test_the_plan_has_the_numbers_of_runs_at_which_one_more_may_fail() -> None:
     ]
 
 
-def test_a_refused_gate_has_no_chances_of_its_own() -> None:
-    lines = list(plan_lines(planned_gate(14), 0.97, unknown, is_refused=True))
-    assert lines[0].endswith("; 14 runs, too few")
-    assert "  >     14          -   0.00   0.00   0.00   0.00   0.00" in lines
-
-
 @pytest.mark.parametrize("wish", [0.5, 0.9])
 def test_a_robot_that_is_no_better_than_the_claim_never_passes_often(wish: float) -> None:
     *_, last = plan_lines(planned_gate(61), wish, unknown)
@@ -132,6 +122,10 @@ def test_the_plan_of_a_rate() -> None:
     (heading,) = (line for line in lines if line.startswith("  runs "))
     assert heading.split()[-4:] == ["99", "%", "99.999", "%"]
     assert lines[-1].startswith("  A robot that is 99.999 % good passes")
+    # A refused gate has no chances of its own.
+    lines = list(plan_lines(planned_gate(14), 0.97, unknown, is_refused=True))
+    assert lines[0].endswith("; 14 runs, too few")
+    assert "  >     14          -   0.00   0.00   0.00   0.00   0.00" in lines
     # The time follows from the number of runs.
     lines = list(plan_lines(planned_gate(61), 0.97, lambda runs: f"{2 * runs:g} s"))
     assert "  >     61          2   0.00   0.05   0.41   0.72   0.98   122 s" in lines
@@ -140,17 +134,16 @@ def test_the_plan_of_a_rate() -> None:
 
 def test_the_plan_of_a_test_that_stops_early() -> None:
     # The plan of a test that stops early has mean runs.
-    planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
+    planned = planned_gate(100, stop_early=EARLY)
     lines = list(plan_lines(planned, 0.96, lambda runs: f"{runs:.0f} s"))
     assert "  at most    85 %   90 %   95 %   96 %   99 %   mean runs   time" in lines
     assert "  >    100   0.04   0.28   0.87   0.95   1.00          46   46 s" in lines
-    assert lines[-1] == (
-        "  A robot that is 96 % good passes with P >= 0.9 at a limit of 81 runs; "
-        "it stops after 45 on average, about 45 s."
+    assert lines[-1].startswith(
+        "  A robot that is 96 % good passes with P >= 0.9 at a limit of 81 runs; it stops after "
     )
+    assert lines[-1].endswith("45 on average, about 45 s.")
     # The limit of a test that stops early is the least one.
     # 189 runs have a probability of 0.795, and 190 runs one of 0.802.
-    planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
     lines = list(plan_lines(planned, 0.93, unknown))
     assert lines[-2].startswith("  A robot that is 93 % good passes with P >= 0.8 at a limit of 190 runs;")
     # A rate between those of the test has no number of runs.
@@ -160,8 +153,7 @@ def test_the_plan_of_a_test_that_stops_early() -> None:
 
 
 def test_the_plan_of_a_quantile_has_the_values_that_may_lie_beyond_it() -> None:
-    quantile = {"of": "travel.measured", "q": "5 %", "at_least": "1.4 m"}
-    lines = list(plan_lines(planned_gate(60, quantile=quantile), 0.97, unknown))
+    lines = list(plan_lines(planned_gate(60, quantile=QUANTILE["quantile"]), 0.97, unknown))
     assert lines[-6:] == [
         "        59              0",
         "  >     60              0",

@@ -21,7 +21,6 @@ from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.terminal import print_results
 from sim_action.reports.writing import complain_about
 from sim_action.results.gates import over_variations
-from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.world.claims import AuditWarning
 from tests.outcomes import gate_results, like, outcome, planned_gate, runs_of_gate
@@ -97,14 +96,9 @@ def test_golden(gate_kind: str, options: ReportOptions, golden: Golden, capsys: 
 @pytest.mark.parametrize("strict", [False, True])
 def test_the_counts_are_properties(strict: bool, options: ReportOptions) -> None:
     root = junit(judged(passed=58, failed=3), replace(options, junit_strict=strict))
-    found = {each.get("name"): each.get("value") for each in root.iter("property")}
-    assert {name: found[name] for name in ("runs", "passed", "failed", "errors")} == {
-        "runs": "61",
-        "passed": "58",
-        "failed": "3",
-        "errors": "0",
-    }
-    assert float(found["lower"] or 0) < float(found["rate"] or 0) < float(found["upper"] or 0)
+    values = {each.get("name"): each.get("value") for each in root.iter("property")}
+    assert [values[name] for name in ("runs", "passed", "failed", "errors")] == ["61", "58", "3", "0"]
+    assert float(values["lower"] or 0) < float(values["rate"] or 0) < float(values["upper"] or 0)
 
 
 @pytest.mark.parametrize(
@@ -137,9 +131,8 @@ def test_quiet_and_verbose(options: ReportOptions) -> None:
 def test_a_warning_counts_once_for_all_runs(options: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
     warning = AuditWarning(rule="nothing-to-touch", message="no objects", location=Location(PLANNED.file, 9, 5))
     runs = [like(run, warnings=(warning,)) for run in runs_of_gate(PLANNED, passed=61)]
-    soft = like(
-        runs[0].expectations[0], severity="warning", verdict=replace(runs[0].expectations[0].verdict, passed=False)
-    )
+    (expected,) = runs[0].expectations
+    soft = like(expected, severity="warning", verdict=replace(expected.verdict, passed=False))
     runs = [like(run, expectations=(*run.expectations, soft)) for run in runs]
     results = gate_results(PLANNED, *runs)
     assert counts_text(results) == "1 passed, 2 warnings; 61 runs of 1 gate"
@@ -167,9 +160,8 @@ def test_counts_links_and_commands_of_gates(options: ReportOptions) -> None:
     # The command runs all runs of a gate.
     planned = planned_gate(name="slip[mass=2]")
     alone = gate_results(planned, *runs_of_gate(planned, passed=61)).verdicts[0]
-    assert (
-        rerun_command(alone, options) == "sim-action run scenarios/slip.sim.yml --only slip --seed 7 --backend pybullet"
-    )
+    command = "sim-action run scenarios/slip.sim.yml --only slip --seed 7 --backend pybullet"
+    assert rerun_command(alone, options) == command
 
 
 def test_each_gate_is_one_line_where_reports_are_missing(
@@ -181,13 +173,10 @@ def test_each_gate_is_one_line_where_reports_are_missing(
 
 
 def test_a_gate_of_listed_values_has_its_own_runs() -> None:
-    gates = [
-        planned_gate(3, f"slip[mass={mass}]", passes={"at_least": "50 %", "confidence": "75 %"}) for mass in (1, 2)
-    ]
-    found: list[Outcome] = []
-    for gate in gates:
-        found += gate_results(gate, *runs_of_gate(gate, passed=3)).outcomes
-    groups = grouped_scenarios(found, gates)
+    claim = {"at_least": "50 %", "confidence": "75 %"}
+    gates = [planned_gate(3, f"slip[mass={mass}]", passes=claim) for mass in (1, 2)]
+    outcomes = [run for gate in gates for run in gate_results(gate, *runs_of_gate(gate, passed=3)).outcomes]
+    groups = grouped_scenarios(outcomes, gates)
     assert [(group.name, len(group.outcomes)) for group in groups] == [("slip[mass=1]", 3), ("slip[mass=2]", 3)]
     assert [group.status for group in groups] == ["passed", "passed"]
 
@@ -198,10 +187,8 @@ def test_runs_that_are_listed() -> None:
     gates = [planned_gate(29, name=f"slip [{engine}]") for engine in ("pybullet", "mujoco")]
     both = zip(*(runs_of_gate(gate, passed=29) for gate in gates), strict=True)
     judged = over_variations([run for pair in both for run in pair], gates)
-    found = grouped_scenarios(judged, gates)
-    assert [(group.name, len(group.outcomes), group.is_part) for group in found] == [
-        (gate.name, 29, False) for gate in gates
-    ]
+    groups = [(group.name, len(group.outcomes), group.is_part) for group in grouped_scenarios(judged, gates)]
+    assert groups == [(gate.name, 29, False) for gate in gates]
     # Runs beyond an early decision are not listed.
     # Shards run all samples of a gate, and `merge` counts up to the decision.
     planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})

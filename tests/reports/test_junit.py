@@ -46,11 +46,10 @@ def test_totals_are_counts_of_testcases(kind: str, strict: bool, options: Report
 
 
 def test_events_and_actors_are_properties_of_the_suite(options: ReportOptions) -> None:
-    sample = SAMPLES["passed"].outcomes[0]
-    outcome = sample.model_copy(update={"events": {"it passes": (1.5,)}, "actors": {"cart": "cart.urdf"}})
-    root = written(results_of(outcome), options)
-    told = {each.attrib["name"]: each.attrib["value"] for each in root.iter("property")}
-    assert (told["event: it passes"], told["actor: cart"]) == ("1.500 s", "cart.urdf")
+    outcome = like(SAMPLES["passed"].outcomes[0], events={"it passes": (1.5,)}, actors={"cart": "cart.urdf"})
+    properties = written(results_of(outcome), options).iter("property")
+    values = {each.attrib["name"]: each.attrib["value"] for each in properties}
+    assert (values["event: it passes"], values["actor: cart"]) == ("1.500 s", "cart.urdf")
 
 
 def test_junitparser_reads_it(options: ReportOptions) -> None:
@@ -69,10 +68,7 @@ def test_junitparser_reads_it(options: ReportOptions) -> None:
     ("file", "frame"),
     [
         ("a/my robot/x.sim.yml", "at my robot.Scenario(x.sim.yml:8)"),
-        ("x.sim.yml", None),
-        ("v1.2/x.sim.yml", None),
-        ("Robot/x.sim.yml", None),
-        ("2nd/x.sim.yml", None),
+        *((f"{folder}x.sim.yml", None) for folder in ("", "v1.2/", "Robot/", "2nd/")),
     ],
 )
 def test_place_as_a_java_frame_where_there_can_be_one(file: str, frame: str | None, options: ReportOptions) -> None:
@@ -96,11 +92,6 @@ def test_names_are_unique_and_times_add_up(kind: str, options: ReportOptions) ->
         assert sum(map(float, times)) == pytest.approx(float(suite.attrib["time"]))
 
 
-def test_no_suite_is_empty(options: ReportOptions) -> None:
-    outcome = Outcome(name="a", file="a.sim.yml", status="error")
-    assert written(results_of(outcome), options).get("errors") == "1"
-
-
 def test_folders_are_made_and_nothing_else_is_left(options: ReportOptions, tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "junit.xml"
     path.parent.mkdir(parents=True)
@@ -108,6 +99,9 @@ def test_folders_are_made_and_nothing_else_is_left(options: ReportOptions, tmp_p
     write_junit(SAMPLES["passed"], replace(options, junit=path))
     assert list(path.parent.iterdir()) == [path]
     assert ET.parse(path).getroot().tag == "testsuites"
+    # No suite is empty.
+    outcome = Outcome(name="a", file="a.sim.yml", status="error")
+    assert written(results_of(outcome), options).get("errors") == "1"
 
 
 # The rules of Jenkins' junit-10.xsd: attributes and children by element; properties have no children but property.

@@ -28,12 +28,6 @@ def of(**changed: object) -> Outcome:
     return like(SAMPLES["passed"].outcomes[0], **changed)
 
 
-def test_the_scenario_is_named_and_the_engine_that_it_ran_on(options: ReportOptions) -> None:
-    assert rerun_command(of(seed=0), options) == (
-        'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet'
-    )
-
-
 def test_what_the_call_has_permitted_is_permitted_again(options: ReportOptions, tmp_path: Path) -> None:
     packages = (("a", str(tmp_path.resolve().parent / "my a")), ("b", str(tmp_path.resolve() / "b")))
     permissions = Permissions(outside=True, pass_env=("TOKEN",), packages=packages)
@@ -43,9 +37,10 @@ def test_what_the_call_has_permitted_is_permitted_again(options: ReportOptions, 
     ]
 
 
-def test_seeds_and_engines_of_a_command(options: ReportOptions) -> None:
+def test_seeds_and_engines_of_a_command(options: ReportOptions, tmp_path: Path) -> None:
     # A seed is named unless it is the one that everything begins with.
-    assert "--seed" not in rerun_command(of(seed=0), options)
+    command = 'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet'
+    assert rerun_command(of(seed=0), options) == command
     assert rerun_command(of(seed=7, engine="MuJoCo 4.0.0"), options).endswith(" --seed 7 --backend mujoco")
     # A variation of the seed is found by its name.
     varied = of(name="push[seed=7]", seed=7, variation=(Varied("seed", 7),))
@@ -57,12 +52,9 @@ def test_seeds_and_engines_of_a_command(options: ReportOptions) -> None:
     again = rerun_command(like(sample, scenario_seed=7), options)
     assert again.endswith('--only "push[yaw=0.1]" --seed 7 --backend pybullet')
     # A run that is held against another engine needs both.
-    assert rerun_command(of(name="push [pybullet]"), options) == (
-        "sim-action run scenarios/straight.sim.yml --only push"
-    )
-
-
-def test_files_are_seen_from_the_workspace(options: ReportOptions, tmp_path: Path) -> None:
+    pushed = rerun_command(of(name="push [pybullet]"), options)
+    assert pushed == "sim-action run scenarios/straight.sim.yml --only push"
+    # Files are seen from the workspace.
     outcome = of(file=str(tmp_path / "robot" / "a b.sim.yml"))
     assert rerun_command(outcome, options).startswith('sim-action run "robot/a b.sim.yml" ')
 
@@ -123,21 +115,14 @@ def test_relative_paths_and_places(options: ReportOptions, tmp_path: Path) -> No
     assert file_and_line(tmp_path, Location("a.yml")) == "a.yml"
 
 
-def test_a_name_is_seen_from_the_folder_that_is_the_current_one(
-    options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "below").mkdir()
-    assert relative_path(tmp_path, "b.yml") == "b.yml"
-    monkeypatch.chdir(tmp_path / "below")
-    assert relative_path(tmp_path, "b.yml") == "below/b.yml"
-
-
 def test_a_file_outside_the_workspace_is_seen_from_the_current_folder_and_has_no_url(
     options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("workspace", "elsewhere/deep"):
         (tmp_path / name).mkdir(parents=True)
+    assert relative_path(tmp_path, "b.yml") == "b.yml"
     monkeypatch.chdir(tmp_path / "elsewhere")
+    assert relative_path(tmp_path, "b.yml") == "elsewhere/b.yml"
     assert relative_path(tmp_path / "workspace", "deep/a.sim.yml") == "deep/a.sim.yml"
     assert relative_path(tmp_path / "workspace", tmp_path / "workspace/a.sim.yml") == "a.sim.yml"
     assert relative_path(tmp_path / "workspace", tmp_path / "b.sim.yml") == str(tmp_path / "b.sim.yml")

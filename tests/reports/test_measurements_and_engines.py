@@ -21,7 +21,6 @@ from sim_action.reports.html.report import page
 from sim_action.reports.junit import write_junit
 from sim_action.reports.terminal import print_results
 from sim_action.results.comparison import compare_outcomes
-from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.outcomes import like
 from tests.reports.samples import APART, SAMPLES
@@ -53,14 +52,8 @@ def html(results: Results, options: ReportOptions) -> str:
     return page(results, options).text()
 
 
-REPORTS: tuple[Callable[[Results, ReportOptions], str], ...] = (
-    terminal,
-    junit,
-    strict_junit,
-    summary,
-    results_json,
-    html,
-)
+REPORTS = (terminal, junit, strict_junit, summary, results_json, html)
+Report = Callable[[Results, ReportOptions], str]
 each_report = pytest.mark.parametrize("report", REPORTS, ids=lambda report: report.__name__)
 
 
@@ -73,9 +66,7 @@ def own(options: ReportOptions, tmp_path: Path) -> ReportOptions:
 @pytest.mark.parametrize(
     "kind", ["passed", "failed", "flaky", "crash", "warning", "not-exercised", "interrupted", "invalid", "varied"]
 )
-def test_every_report_names_the_engine_of_an_outcome(
-    kind: str, report: Callable[[Results, ReportOptions], str], own: ReportOptions
-) -> None:
+def test_every_report_names_the_engine_of_an_outcome(kind: str, report: Report, own: ReportOptions) -> None:
     outcomes = tuple(like(made, engine=ENGINE) for made in SAMPLES[kind].outcomes)
     assert ENGINE in report(like(SAMPLES[kind], outcomes=outcomes), own)
     without = tuple(like(made, engine=None) for made in outcomes)
@@ -83,8 +74,8 @@ def test_every_report_names_the_engine_of_an_outcome(
 
 
 @each_report
-def test_every_report_names_all_engines_of_a_scenario(
-    report: Callable[[Results, ReportOptions], str], own: ReportOptions
+def test_every_report_names_all_engines_of_a_scenario_and_shows_a_measurement(
+    report: Report, own: ReportOptions
 ) -> None:
     outcomes = [
         like(made, engine=ENGINE if index % 2 else "pybullet 3.2.7")
@@ -93,19 +84,12 @@ def test_every_report_names_all_engines_of_a_scenario(
     text = report(like(SAMPLES["varied"], outcomes=tuple(outcomes)), own)
     assert ENGINE in text
     assert "pybullet 3.2.7" in text
+    assert APART.message in report(MEASURED, own)
 
 
-def measured() -> tuple[Outcome, Outcome]:
-    """An outcome without and with a measurement."""
-    plain = SAMPLES["passed"].outcomes[0]
-    return plain, like(plain, measurements=(APART,))
-
-
-@each_report
-def test_every_report_shows_a_measurement(report: Callable[[Results, ReportOptions], str], own: ReportOptions) -> None:
-    _, outcome = measured()
-    shown = report(like(SAMPLES["passed"], outcomes=(outcome,)), own)
-    assert APART.message in shown
+PLAIN = SAMPLES["passed"].outcomes[0]
+WITH_ONE = like(PLAIN, measurements=(APART,))
+MEASURED = like(SAMPLES["passed"], outcomes=(WITH_ONE,))
 
 
 def test_the_look_and_the_changes_of_a_measurement() -> None:
@@ -115,30 +99,25 @@ def test_the_look_and_the_changes_of_a_measurement() -> None:
             assert getattr(INFORMATION, name) != getattr(display, name)
     assert (INFORMATION.junit, INFORMATION.level) == (None, None)
     # A measurement that appears or goes is no change.
-    plain, outcome = measured()
-    for old, new in ((plain, outcome), (outcome, plain)):
+    for old, new in ((PLAIN, WITH_ONE), (WITH_ONE, PLAIN)):
         (change,) = compare_outcomes([old], [new]).changes
         assert (change.kind, change.warnings, change.weaker) == ("still passes", 0, ())
 
 
 def test_measurements_are_no_verdicts(own: ReportOptions) -> None:
     # A measurement has no tick.
-    _, outcome = measured()
-    results = like(SAMPLES["passed"], outcomes=(outcome,))
-    for text, passed in ((terminal(results, own), "✓"), (summary(results, own), "✅"), (html(results, own), "✓")):
+    for text, passed in ((terminal(MEASURED, own), "✓"), (summary(MEASURED, own), "✅"), (html(MEASURED, own), "✓")):
         (line,) = [line for line in text.splitlines() if APART.message in line]
         before = line[: line.index(APART.message)]
         assert INFORMATION.symbol in before
         assert before.rfind(passed) < before.rfind(INFORMATION.symbol)
     # A measurement is no testcase and counts nowhere.
-    plain, outcome = measured()
-    results = like(SAMPLES["passed"], outcomes=(outcome,))
-    suites = ET.fromstring(junit(results, own))
-    assert len(suites.findall(".//testcase")) == len(plain.expectations) == int(suites.attrib["tests"])
-    told = {each.get("name"): each.get("value") for each in suites.findall("testsuite/properties/property")}
-    assert told["information: distance to pybullet 3.2.7"] == "0.00212 m"
-    assert counts_text(results) == counts_text(SAMPLES["passed"])
-    assert (outcome.status, outcome.display_status, outcome.causes) == ("passed", "passed", ())
+    suites = ET.fromstring(junit(MEASURED, own))
+    assert len(suites.findall(".//testcase")) == len(PLAIN.expectations) == int(suites.attrib["tests"])
+    values = {each.get("name"): each.get("value") for each in suites.findall("testsuite/properties/property")}
+    assert values["information: distance to pybullet 3.2.7"] == "0.00212 m"
+    assert counts_text(MEASURED) == counts_text(SAMPLES["passed"])
+    assert (WITH_ONE.status, WITH_ONE.display_status, WITH_ONE.causes) == ("passed", "passed", ())
 
 
 def test_measurements_in_a_quiet_report_and_in_results(own: ReportOptions) -> None:
@@ -147,10 +126,9 @@ def test_measurements_in_a_quiet_report_and_in_results(own: ReportOptions) -> No
     results = like(SAMPLES["failed"], outcomes=(outcome,))
     assert APART.message not in terminal(results, replace(own, verbosity="quiet"))
     # Results json has the numbers.
-    _, outcome = measured()
-    written = json.loads(results_json(like(SAMPLES["passed"], outcomes=(outcome,)), own))
-    (found,) = written["outcomes"][0]["measurements"]
-    assert (found["measured"], found["unit"], found["time"]) == (0.00212, "m", 0.52)
+    written = json.loads(results_json(MEASURED, own))
+    (apart,) = written["outcomes"][0]["measurements"]
+    assert (apart["measured"], apart["unit"], apart["time"]) == (0.00212, "m", 0.52)
 
 
 def test_measurements_on_a_page(own: ReportOptions) -> None:
@@ -159,16 +137,12 @@ def test_measurements_on_a_page(own: ReportOptions) -> None:
     style = (PACKAGE_FOLDER / "reports/viewer/page.css").read_text(encoding="utf-8")
     hidden = set(re.findall(r"^\.([\w-]+) \{[^}]*(?:visibility: hidden|display: none)", style, re.MULTILINE))
     assert hidden
-    _, outcome = measured()
-    for results in (*SAMPLES.values(), like(SAMPLES["passed"], outcomes=(outcome,))):
+    for results in (*SAMPLES.values(), MEASURED):
         used = {name for names in re.findall(r' class="?([\w -]+)', html(results, own)) for name in names.split()}
         assert used & hidden == set()
     # The margins of a factor are bars below a heading of their own.
     of_factor = like(APART, left=(None, 0.25))
-    plain, bars = (
-        html(like(SAMPLES["passed"], outcomes=(like(measured()[0], measurements=(one,)),)), own)
-        for one in (APART, of_factor)
-    )
+    plain, bars = html(MEASURED, own), html(like(MEASURED, outcomes=(like(PLAIN, measurements=(of_factor,)),)), own)
     assert (">Margins<" in plain, INFORMATION.headline in plain) == (False, True)
     assert (">Margins<" in bars, INFORMATION.headline in bars) == (True, False)
     assert 'width="25.0"' in bars

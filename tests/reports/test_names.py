@@ -65,8 +65,7 @@ def with_names(test: Callable[..., None]) -> Callable[..., None]:
 def failed(name: str) -> Outcome:
     """Return a failed scenario that is called so, with an expectation that is called so."""
     outcome = SAMPLES["failed"].outcomes[2]
-    expected = [like(each, name=name) for each in outcome.expectations]
-    return like(outcome, name=name, expectations=tuple(expected))
+    return like(outcome, name=name, expectations=tuple(like(each, name=name) for each in outcome.expectations))
 
 
 @with_names
@@ -154,10 +153,7 @@ def test_on_the_terminal(options: ReportOptions, name: str) -> None:
     stream = io.StringIO()
     print_results(results_of(failed(name)), replace(options, environment={}), stream)
     assert name in " ".join(stream.getvalue().split())
-
-
-@with_names
-def test_in_the_command_that_runs_it_again(options: ReportOptions, name: str) -> None:
+    # The command that runs it again has it, too.
     words = shlex.split(rerun_command(failed(name), options))
     assert words[words.index("--only") + 1] == name
 

@@ -24,13 +24,8 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def asked(folder: str, junit: str | None = None) -> ReportRequest:
-    return ReportRequest(
-        folder=Path(folder),
-        junit=Path(junit) if junit else None,
-        junit_strict=False,
-        verbosity="normal",
-        silenced=frozenset(),
-    )
+    path = Path(junit) if junit else None
+    return ReportRequest(folder=Path(folder), junit=path, junit_strict=False, verbosity="normal", silenced=frozenset())
 
 
 def assert_refused(request: ReportRequest, message: str) -> None:
@@ -67,12 +62,6 @@ def test_a_run_that_cannot_be_compared_with_is_refused_before_anything_is_writte
         (workspace / "old/results.json").write_text(content)
     assert_refused(replace(asked("new"), against=against), re.escape(message))
     assert not (workspace / "new").exists()
-
-
-def test_the_output_folder_is_made(workspace: Path) -> None:
-    with open_reports(asked("a/b")) as options:
-        assert options.junit == Path("a/b/junit.xml")
-    assert (workspace / "a/b").is_dir()
 
 
 @pytest.mark.parametrize(
@@ -142,11 +131,9 @@ def test_the_junit_of_an_earlier_call_is_removed_at_the_start(workspace: Path) -
 def test_git_ignores_a_folder_that_was_created_here_and_no_other(workspace: Path) -> None:
     (workspace / "mine").mkdir()
     for folder in ("made/deep", "mine", "."):
-        with open_reports(asked(folder)):
-            pass
-    assert [path.relative_to(workspace).as_posix() for path in workspace.rglob("*") if path.is_file()] == [
-        "made/deep/.gitignore"
-    ]
+        with open_reports(asked(folder)) as options:
+            assert options.junit == Path(folder, "junit.xml")
+    assert [path for path in workspace.rglob("*") if path.is_file()] == [workspace / "made/deep/.gitignore"]
     assert (workspace / "made/deep/.gitignore").read_text() == "*\n"
 
 
@@ -223,14 +210,10 @@ def test_a_file_that_is_not_junit_xml_is_kept(name: str, workspace: Path) -> Non
     assert not (workspace / "out").exists()
 
 
-@pytest.mark.parametrize("text", ["", "<testsuites name='sim-action'/>"])
-def test_junit_xml_and_an_empty_file_are_replaced(text: str, workspace: Path) -> None:
-    (workspace / "tests.xml").write_text(text)
+def test_a_file_of_the_user_in_the_output_folder_is_kept_and_an_empty_one_replaced(workspace: Path) -> None:
+    (workspace / "tests.xml").touch()
     with open_reports(asked("out", "tests.xml")):
         pass
-
-
-def test_a_file_of_the_user_in_the_output_folder_is_kept(workspace: Path) -> None:
     (workspace / "results.json").write_text("{}")
     assert_refused(asked("."), r"'results\.json' that sim-action did not write")
     assert (workspace / "results.json").read_text() == "{}"
@@ -243,17 +226,12 @@ JENKINS = {"JENKINS_URL": "http://ci/"}
     ("name", "marks"),
     [("GITHUB_WORKSPACE", {}), ("CI_PROJECT_DIR", {}), ("WORKSPACE", JENKINS), ("WORKSPACE", {"BUILD_TAG": "a-1"})],
 )
-def test_paths_are_relative_to_the_workspace_of_the_ci_service(
-    name: str, marks: dict[str, str], tmp_path: Path
-) -> None:
+def test_paths_are_relative_to_the_workspace_of_a_service(name: str, marks: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / "repository/robot").mkdir(parents=True)
     below = tmp_path / "repository/robot"
     assert workspace_of({name: str(tmp_path / "repository"), **marks}, below) == tmp_path / "repository"
-
-
-def test_a_variable_of_another_program_is_no_workspace(tmp_path: Path) -> None:
-    assert workspace_of({"WORKSPACE": "/"}, tmp_path) == tmp_path
-    assert workspace_of({}, tmp_path) == tmp_path
+    # A variable of another program is no workspace.
+    assert workspace_of({"WORKSPACE": "/"}, tmp_path) == workspace_of({}, tmp_path) == tmp_path
 
 
 @pytest.mark.parametrize("value", ["/builds/of/another/machine", "relative", ".", "x" * 5000, "/dev/null"])

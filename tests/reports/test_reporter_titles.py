@@ -33,11 +33,8 @@ def mikepenz(root: ET.Element) -> list[str]:
 
 def enricomi(root: ET.Element) -> list[str]:
     """EnricoMi/publish-unit-test-result-action v2.24.0, python/publish/__init__.py: get_case_annotation."""
-    cases = root.iter("testcase")
-    return [
-        f"{case.attrib['name']} ({case.get('classname')})" if case.get("classname") else case.attrib["name"]
-        for case in cases
-    ]
+    cases = [(case.attrib["name"], case.get("classname")) for case in root.iter("testcase")]
+    return [f"{name} ({classname})" if classname else name for name, classname in cases]
 
 
 def dorny(root: ET.Element) -> list[str]:
@@ -62,16 +59,17 @@ def alike(name: str, line: int, file: str = "scenarios/two.sim.yml") -> Outcome:
     return like(outcome, name=name, file=file, line=line, expectations=tuple(expected))
 
 
-def titles_of(reporter: Callable[[ET.Element], list[str]], results: Results, options: ReportOptions) -> list[str]:
+Reporter = Callable[[ET.Element], list[str]]
+
+
+def titles_of(reporter: Reporter, results: Results, options: ReportOptions) -> list[str]:
     write_junit(results, options)
     return reporter(ET.parse(options.junit).getroot())
 
 
 @pytest.mark.parametrize("strict", [False, True])
 @pytest.mark.parametrize("reporter", REPORTERS)
-def test_scenarios_of_one_file_have_different_titles_that_name_them(
-    reporter: Callable[[ET.Element], list[str]], strict: bool, options: ReportOptions
-) -> None:
+def test_scenarios_of_one_file_have_different_titles(reporter: Reporter, strict: bool, options: ReportOptions) -> None:
     results = results_of(alike("drives", 3), alike("turns", 20))
     first, second = titles_of(reporter, results, replace(options, junit_strict=strict))
     assert first != second
@@ -81,9 +79,7 @@ def test_scenarios_of_one_file_have_different_titles_that_name_them(
 
 
 @pytest.mark.parametrize("reporter", REPORTERS)
-def test_titles_are_unique_in_every_report(
-    reporter: Callable[[ET.Element], list[str]], kind: str, options: ReportOptions
-) -> None:
+def test_titles_are_unique_in_every_report(reporter: Reporter, kind: str, options: ReportOptions) -> None:
     titles = titles_of(reporter, SAMPLES[kind], options)
     assert len(set(titles)) == len(titles)
 

@@ -13,13 +13,8 @@ from tests.reports.samples import SAMPLES
 
 
 def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:
-    return ExpectationOutcome(
-        name="travel",
-        assertion="travel",
-        severity="error",
-        location=Location("a.sim.yml", 3, 1),
-        verdict=Verdict(passed, None, limit, margin, "m", None, "told"),
-    )
+    place, verdict = Location("a.sim.yml", 3, 1), Verdict(passed, None, limit, margin, "m", None, "told")
+    return ExpectationOutcome(name="travel", assertion="travel", severity="error", location=place, verdict=verdict)
 
 
 def outcome(
@@ -36,16 +31,12 @@ def test_a_margin_is_relative_to_its_limit(margin: float | None, limit: float, r
 
 
 def test_variations_of_a_scenario_are_together_and_others_alone() -> None:
-    found = grouped_scenarios(
-        [outcome("b", group=None), outcome("a[x=1]"), outcome("a[x=2]"), outcome("b", group=None)]
-    )
-    assert [(group.name, group.varies, len(group.outcomes)) for group in found] == [
-        ("b", False, 1),
-        ("a", True, 2),
-        ("b", False, 1),
-    ]
-    assert [found[1].values(each) for each in found[1].outcomes] == ["[x=1]", "[x=2]"]
-    assert found[0].values(found[0].worst) == ""
+    alone = outcome("b", group=None)
+    first, varied, last = grouped_scenarios([alone, outcome("a[x=1]"), outcome("a[x=2]"), alone])
+    assert (varied.name, varied.varies, len(varied.outcomes)) == ("a", True, 2)
+    assert [varied.values(each) for each in varied.outcomes] == ["[x=1]", "[x=2]"]
+    for group in (first, last):
+        assert (group.name, group.varies, len(group.outcomes), group.values(group.worst)) == ("b", False, 1, "")
 
 
 def test_an_expectation_that_was_never_judged_explains_a_variation_that_did_not_pass() -> None:
@@ -66,9 +57,8 @@ def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -
     (group,) = grouped_scenarios([passed, near, far])
     assert group.worst is far
     assert group.passed == "1 of 3 passed"
-    crashed = like(
-        outcome("a[x=4]", status="error"), failures=(Failure(kind="crash", title="SIGSEGV", message="gone"),)
-    )
+    crash = Failure(kind="crash", title="SIGSEGV", message="gone")
+    crashed = like(outcome("a[x=4]", status="error"), failures=(crash,))
     (group,) = grouped_scenarios([far, crashed, outcome("a[x=5]", status="skipped")])
     assert group.worst is crashed
     assert group.status == "error"
@@ -83,14 +73,9 @@ def test_the_worst_among_failures() -> None:
     (group,) = grouped_scenarios([near, far])
     assert group.worst is far
     # Scenarios with failures come first in the order of the call.
-    found = grouped_scenarios(
-        [
-            outcome("p", group=None, status="passed"),
-            outcome("f", group=None),
-            outcome("s", group=None, status="skipped"),
-        ]
-    )
-    assert [group.name for group in worst_first(found)] == ["f", "s", "p"]
+    passed, skipped = (outcome(name, group=None, status=name) for name in ("passed", "skipped"))
+    groups = worst_first(grouped_scenarios([passed, outcome("failed", group=None), skipped]))
+    assert [group.name for group in groups] == ["failed", "skipped", "passed"]
 
 
 def held(margin: float, time: float | None = None, *, goal: bool = False, name: str = "travel") -> ExpectationOutcome:
@@ -100,10 +85,8 @@ def held(margin: float, time: float | None = None, *, goal: bool = False, name: 
 
 def test_the_worst_and_its_margin() -> None:
     # Of those that passed the worst came nearest to its limit.
-    far, near = (
-        outcome(f"a[x={x}]", held(5.0), held(margin, name="clearance"), status="passed")
-        for x, margin in ((1, 0.4), (2, 0.1))
-    )
+    far = outcome("a[x=1]", held(5.0), held(0.4, name="clearance"), status="passed")
+    near = outcome("a[x=2]", held(5.0), held(0.1, name="clearance"), status="passed")
     (group,) = grouped_scenarios([far, near])
     assert group.worst is near
     assert group.worst_text == "[x=2], margin 0.1 m (clearance)"
@@ -119,22 +102,17 @@ def test_the_worst_and_its_margin() -> None:
     (group,) = grouped_scenarios([outcome("a[x=1]", held(0.1), expected(-0.2, 1.0)), outcome("a[x=2]", held(0.01))])
     assert group.worst_text == "[x=1], margin -0.2 m (travel)"
     # Without a margin the worst is but named.
-    (group,) = grouped_scenarios(
-        [outcome("a[x=1]", expected()), outcome("a[x=2]", expected(passed=True), status="passed")]
-    )
+    passed = outcome("a[x=2]", expected(passed=True), status="passed")
+    (group,) = grouped_scenarios([outcome("a[x=1]", expected()), passed])
     assert group.worst_text == "[x=1]"
 
 
 def test_a_warning_of_several_variations_is_one() -> None:
     _, group = grouped_scenarios(SAMPLES["audited"].outcomes)
-    assert [(warning.rule, runs) for warning, runs in group.warnings] == [
-        ("segment-beyond-run", 1),
-        ("nothing-to-touch", 2),
-    ]
-    assert [group.warning_text(*found).rpartition("]")[2] for found in group.warnings] == [
-        " (in 1 of 2 variations)",
-        "",
-    ]
+    (endless, once), (nothing, twice) = group.warnings
+    assert (endless.rule, once, nothing.rule, twice) == ("segment-beyond-run", 1, "nothing-to-touch", 2)
+    assert group.warning_text(endless, once).endswith("] (in 1 of 2 variations)")
+    assert group.warning_text(nothing, twice).endswith("]")
 
 
 def test_the_order_of_runs() -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.wording import log_line
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, Verbosity
 from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
 from sim_action.reports.writing import REPORTS, make_ready, write_reports
@@ -32,10 +32,22 @@ PASSED_LINE = "passed  burger drives straight"
 FAILED_LINE = "failed  burger stops before the wall  no_collision: base_link touched wall"
 
 
+Capture = pytest.CaptureFixture[str]
+FILES = {"results.json", "junit.xml", "report.html"}
+
+
 @pytest.fixture
 def opened(options: ReportOptions) -> ReportOptions:
     options.folder.mkdir(parents=True, exist_ok=True)
     return options
+
+
+def without_passed(options: ReportOptions, capture: Capture) -> str:
+    """The messages about passed results of which a required file cannot be written, with the verdict beside them."""
+    assert write_reports(SAMPLES["passed"], options) is ExitCode.FAILED
+    shown = capture.readouterr()
+    assert PASSED_LINE in shown.out.splitlines()
+    return shown.err
 
 
 @contextmanager
@@ -59,26 +71,24 @@ def test_exit_codes_and_files_of_reports(opened: ReportOptions) -> None:
     # The exit code is that of the results if all is written.
     assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
     assert write_reports(SAMPLES["failed"], opened) is ExitCode.FAILED
-    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+    assert written(opened.folder) == FILES
     # A higher code of the results wins.
     for results in SAMPLES.values():
         code = write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}))
         assert code is max(results.exit_code, ExitCode.FAILED)
 
 
-def test_a_summary_that_cannot_be_written_is_a_warning(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_summary_that_cannot_be_written_is_a_warning(opened: ReportOptions, capsys: Capture) -> None:
     environment = {"GITHUB_STEP_SUMMARY": FULL}
     assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
     shown = capsys.readouterr()
     assert shown.err == f"sim-action: warning: the summary cannot be written to {FULL}: {NO_SPACE}\n"
     assert PASSED_LINE not in shown.out
-    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+    assert written(opened.folder) == FILES
 
 
 def test_a_report_that_cannot_be_written_is_a_warning_and_named_nowhere(
-    opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, tmp_path: Path, capsys: Capture
 ) -> None:
     (opened.folder / "report.html").mkdir()
     environment = {"GITHUB_OUTPUT": str(tmp_path / "outputs")}
@@ -93,24 +103,20 @@ def test_a_report_that_cannot_be_written_is_a_warning_and_named_nowhere(
 @pytest.mark.parametrize("verbosity", ["quiet", "normal"])
 @pytest.mark.parametrize("name", ["results.json", "junit.xml"])
 def test_without_a_required_file_each_verdict_is_on_standard_output(
-    name: str, verbosity: str, opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+    name: str, verbosity: Verbosity, opened: ReportOptions, capsys: Capture
 ) -> None:
     (opened.folder / name).mkdir()
-    asked = replace(opened, verbosity=verbosity)  # type: ignore[arg-type]
-    assert write_reports(SAMPLES["passed"], asked) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert PASSED_LINE in shown.out.splitlines()
-    assert f"cannot be written to {opened.folder / name}: is a directory" in shown.err
-    assert "warning" not in shown.err
-    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+    asked = replace(opened, verbosity=verbosity)
+    messages = without_passed(asked, capsys)
+    assert f"cannot be written to {opened.folder / name}: is a directory" in messages
+    assert "warning" not in messages
+    assert written(opened.folder) == FILES
     assert write_reports(SAMPLES["failed"], asked) is ExitCode.FAILED
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith(FAILED_LINE) for line in lines)
 
 
-def test_each_outcome_has_one_line_with_its_first_reason(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_outcome_has_one_line_with_its_first_reason(opened: ReportOptions, capsys: Capture) -> None:
     asked = replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=frozenset(REPORTS) - {"outputs"})
     for results in SAMPLES.values():
         write_reports(results, asked)
@@ -120,35 +126,23 @@ def test_each_outcome_has_one_line_with_its_first_reason(
             reasons = [each.message for each in outcome.failures] + [each.verdict.message for each in outcome.causes]
             assert log_line(one_line(next(iter(reasons), ""))) in line
             assert line.startswith(STATUS_DISPLAYS[outcome.status].word)
+    # They are no workflow commands.
+    nasty = like(SAMPLES["passed"].outcomes[0], name="a\n::error::b ##[error]c")
+    write_reports(like(SAMPLES["passed"], outcomes=(nasty,)), asked)
+    assert capsys.readouterr().out == "passed  a ::error::b # #[error]c\n"
 
 
-def test_on_github_the_missing_report_is_an_annotation(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
-    environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
-    assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert f"::error title=sim-action::the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
-    assert PASSED_LINE in shown.out.splitlines()
-
-
-def test_a_disk_that_gets_full_leaves_no_parts_of_files(
-    opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_disk_that_gets_full_leaves_no_parts_of_files(opened: ReportOptions, tmp_path: Path, capsys: Capture) -> None:
     environment = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
     with limited_files():
-        assert write_reports(SAMPLES["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert shown.err.count("file too large") == 5
-    assert shown.err.count("warning") == 2
-    assert PASSED_LINE in shown.out.splitlines()
+        messages = without_passed(replace(opened, environment=environment), capsys)
+    assert messages.count("file too large") == 5
+    assert messages.count("warning") == 2
     assert written(opened.folder) == set()
     assert [Path(name).read_bytes() for name in environment.values()] == [b"", b""]
 
 
-def test_a_folder_that_may_not_be_written_to_is_a_reason(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_may_not_be_written_to_is_a_reason(opened: ReportOptions, capsys: Capture) -> None:
     make_ready(opened)
     opened.folder.chmod(0o500)
     user = os.geteuid()
@@ -156,18 +150,14 @@ def test_a_folder_that_may_not_be_written_to_is_a_reason(
         # Root may write anywhere.
         os.seteuid(65534)
     try:
-        assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
+        messages = without_passed(opened, capsys)
     finally:
         os.seteuid(user)
         opened.folder.chmod(0o700)
-    shown = capsys.readouterr()
-    assert shown.err.count("permission denied") == 3
-    assert PASSED_LINE in shown.out.splitlines()
+    assert messages.count("permission denied") == 3
 
 
-def test_without_free_descriptors_each_verdict_is_on_standard_output(
-    opened: ReportOptions, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_without_free_descriptors_each_verdict_is_on_standard_output(opened: ReportOptions, capfd: Capture) -> None:
     make_ready(opened)
     write_reports(SAMPLES["passed"], opened)
     capfd.readouterr()
@@ -191,37 +181,32 @@ def test_without_free_descriptors_each_verdict_is_on_standard_output(
     assert "too many open files" in shown.err
 
 
-def test_on_github_a_line_stands_for_an_annotation_that_cannot_be_imported(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+def test_on_github_a_missing_report_is_an_annotation_or_a_line_if_that_cannot_be_imported(
+    opened: ReportOptions, capsys: Capture
 ) -> None:
-    environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
-    options = replace(opened, environment=environment, silenced=opened.silenced | {"annotations"})
+    options = replace(opened, environment={"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"})
+    message = f"the outputs cannot be written to {FULL}: {NO_SPACE}"
+    assert f"::error title=sim-action::{message}" in without_passed(options, capsys)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "sim_action.reports.github.annotations", None)
-        assert write_reports(SAMPLES["passed"], options) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert f"sim-action: the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
-    assert PASSED_LINE in shown.out.splitlines()
+        silenced = replace(options, silenced=opened.silenced | {"annotations"})
+        assert f"sim-action: {message}" in without_passed(silenced, capsys)
 
 
-def test_an_output_folder_that_vanished_is_made_again(opened: ReportOptions) -> None:
+def test_an_output_folder_that_vanished_is_made_again(opened: ReportOptions, capsys: Capture) -> None:
     opened.folder.rmdir()
     assert write_reports(SAMPLES["passed"], opened) is ExitCode.PASSED
-    assert written(opened.folder) == {"results.json", "junit.xml", "report.html", ".gitignore"}
-
-
-def test_a_file_in_place_of_the_folder_is_a_reason(opened: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
-    opened.folder.rmdir()
+    assert written(opened.folder) == {*FILES, ".gitignore"}
+    # A file in its place is a reason.
+    shutil.rmtree(opened.folder)
     opened.folder.touch()
-    assert write_reports(SAMPLES["passed"], opened) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert PASSED_LINE in shown.out.splitlines()
-    assert "not a directory" in shown.err
+    capsys.readouterr()
+    assert "not a directory" in without_passed(opened, capsys)
 
 
 @pytest.mark.parametrize("name", ["report", "junit", "terminal"])
 def test_a_fault_of_one_report_loses_no_other(
-    name: str, opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     load, empty = type(REPORTS).load, dict[str, object]()
 
@@ -234,11 +219,11 @@ def test_a_fault_of_one_report_loses_no_other(
     assert f"an internal error of sim-action: KeyError: '{name}'; please report it" in shown.err
     assert (PASSED_LINE in shown.out.splitlines()) == (name == "junit")
     files = {"report": "report.html", "junit": "junit.xml"}
-    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"} - {files.get(name)}
+    assert written(opened.folder) == FILES - {files.get(name)}
 
 
 def test_a_lack_of_memory_is_a_reason_and_no_fault(
-    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     def exhausted(*_: object) -> None:
         raise MemoryError
@@ -253,18 +238,13 @@ def test_the_junit_comes_before_the_large_report() -> None:
     assert names.index("junit") < names.index("report") < names.index("outputs") < names.index("terminal")
 
 
-def test_text_that_the_file_system_cannot_name_is_a_reason(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_text_that_the_file_system_cannot_name_is_a_reason(opened: ReportOptions, capsys: Capture) -> None:
     asked = replace(opened, junit=opened.folder / "\ud800.xml")
-    assert write_reports(SAMPLES["passed"], asked) is ExitCode.FAILED
-    shown = capsys.readouterr()
-    assert "surrogates not allowed" in shown.err
-    assert PASSED_LINE in shown.out.splitlines()
+    assert "surrogates not allowed" in without_passed(asked, capsys)
 
 
 def test_a_full_disk_behind_standard_output_is_a_warning(
-    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     full = os.fdopen(os.open(FULL, os.O_WRONLY), "w")
     with monkeypatch.context() as patched:
@@ -279,23 +259,13 @@ def test_a_full_disk_behind_standard_output_is_a_warning(
         full.close()
 
 
-def test_the_lines_of_verdicts_are_no_workflow_commands(
-    opened: ReportOptions, capsys: pytest.CaptureFixture[str]
-) -> None:
-    nasty = like(SAMPLES["passed"].outcomes[0], name="a\n::error::b ##[error]c")
-    results = like(SAMPLES["passed"], outcomes=(nasty,))
-    silenced = frozenset(REPORTS) - {"outputs"}
-    write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=silenced))
-    assert capsys.readouterr().out == "passed  a ::error::b # #[error]c\n"
-
-
 def test_the_junit_is_whole_if_another_report_is_missing(opened: ReportOptions) -> None:
     (opened.folder / "report.html").mkdir()
     write_reports(SAMPLES["failed"], opened)
     assert junitparser.JUnitXml.fromfile(str(opened.junit)).failures
 
 
-def test_no_report_names_a_file_that_was_removed(opened: ReportOptions, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_report_names_a_file_that_was_removed(opened: ReportOptions, capsys: Capture) -> None:
     named = {"trace": "traces/a.npz", "replay": "replays/a.json.gz", "recordings": ("recordings/a.csv",)}
     outcome = like(SAMPLES["passed"].outcomes[0], **named)
     results = like(SAMPLES["passed"], outcomes=(outcome,))
@@ -310,21 +280,15 @@ def test_no_report_names_a_file_that_was_removed(opened: ReportOptions, capsys: 
 
 @pytest.mark.parametrize(("free", "left"), [(0, {"b.npz"}), (10**9, {"a.npz", "b.npz"})])
 def test_files_of_runs_make_room_for_the_verdicts_the_largest_first(
-    free: int,
-    left: set[str],
-    opened: ReportOptions,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    free: int, left: set[str], opened: ReportOptions, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """The disk is full until one of them is removed. Where it has room, that would not help."""
     traces, plain = opened.folder / "traces", SAMPLES["passed"].outcomes[0]
     traces.mkdir()
     for name, size in (("a.npz", 200), ("b.npz", 100)):
         (traces / name).write_bytes(bytes(size))
-    outcomes = tuple(
-        plain.model_copy(update={"name": name, "trace": f"traces/{name}.npz", "replay": None, "recordings": ()})
-        for name in "ab"
-    )
+    alone = like(plain, replay=None, recordings=())
+    outcomes = tuple(like(alone, name=name, trace=f"traces/{name}.npz") for name in "ab")
     whole = Results.write
 
     def write(results: Results, folder: Path) -> Path:

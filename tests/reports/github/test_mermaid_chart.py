@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim_action.recording.replay.replay_data import Replay, write_replay
+from sim_action.recording.replay.replay_data import SignalData, write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, sampled, signal_of_verdict
 from sim_action.state.verdict import Signal, Verdict
@@ -33,14 +33,12 @@ def curve(**changed: object) -> Signal:
 
 
 def lines(text: str) -> list[list[float]]:
-    found = re.findall(r"    line \[(.*)\]", text)
-    return [[float(value) for value in line.split(", ")] for line in found]
+    return [[float(value) for value in line.split(", ")] for line in re.findall(r"    line \[(.*)\]", text)]
 
 
-def axis(text: str, which: str) -> tuple[float, float]:
-    found = re.search(rf'    {which}-axis "[^"]*" (\S+) --> (\S+)', text)
-    assert found is not None
-    return float(found[1]), float(found[2])
+def axis(text: str, which: str) -> tuple[float, ...]:
+    ((low, high),) = re.findall(rf'    {which}-axis "[^"]*" (\S+) --> (\S+)', text)
+    return float(low), float(high)
 
 
 def test_a_curve_stands_beside_its_limit_and_the_title_says_which_is_which() -> None:
@@ -93,11 +91,8 @@ def test_gaps_are_bridged_and_what_is_all_gap_is_not_drawn() -> None:
     values, *_ = lines(chart(curve(values=np.where(TIME == 3.0, np.nan, TIME))))
     assert values == pytest.approx(np.linspace(0.0, 6.0, 60).tolist(), abs=1e-3)
     assert chart(curve(values=np.full(7, np.nan))) == ""
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_one_moment_is_no_curve(count: int) -> None:
-    assert chart(curve(time=TIME[:count], values=VALUES[:count])) == ""
+    # One moment is no curve.
+    assert [chart(curve(time=TIME[:count], values=VALUES[:count])) for count in (0, 1)] == ["", ""]
 
 
 def test_peaks_curves_and_moments_are_kept() -> None:
@@ -123,11 +118,10 @@ def test_no_text_is_more_than_text(name: str, unit: str) -> None:
     assert len(text.split("\n")) == 9
 
 
-@given(
-    st.lists(st.floats(-1e9, 1e9), min_size=2, max_size=200),
-    st.none() | st.floats(-1e9, 1e9),
-    st.none() | st.floats(-1.0, 300.0),
-)
+LARGE = st.floats(-1e9, 1e9)
+
+
+@given(st.lists(LARGE, min_size=2, max_size=200), st.none() | LARGE, st.none() | st.floats(-1.0, 300.0))
 def test_any_curve_is_drawn_within_its_axis(values: list[float], limit: float | None, moment: float | None) -> None:
     text = chart(curve(time=np.arange(len(values), dtype=float), values=np.array(values), upper=limit), moment)
     assert all(LINE.fullmatch(line) for line in text.split("\n"))
@@ -163,38 +157,33 @@ def test_nothing_that_a_file_may_hold_breaks_it(rows: list[tuple[float, float]],
 SHORT = Verdict(False, 1.12, 1.5, -0.38, "m", 3.0)
 
 
-def stored(options: ReportOptions, made: Replay, name: str = "replays/a.json.gz") -> str:
-    write_replay(made, options.folder / name)
-    return name
-
-
-def test_what_a_run_has_left_is_read(options: ReportOptions) -> None:
-    made = replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5))
-    outcome = like(SAMPLES["passed"].outcomes[0], replay=stored(options, made))
-    assert load_replay(outcome, options) == made
+def found(*signals: SignalData, verdict: Verdict = SHORT) -> Signal:
+    curve = signal_of_verdict(replay(*signals), 0, verdict)
+    assert curve is not None
+    return curve
 
 
 @pytest.mark.parametrize(
     "name", [None, "../a.json.gz", "replays/none.json.gz", "/etc/passwd", "replays/\0", "replays/text.json.gz"]
 )
 def test_a_file_from_elsewhere_or_another_one_is_no_replay(name: str | None, options: ReportOptions) -> None:
-    stored(options, replay(), "../a.json.gz")
-    (options.folder / "replays").mkdir(parents=True)
+    made = replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5))
+    for path in ("../a.json.gz", "replays/a.json.gz"):
+        write_replay(made, options.folder / path)
     (options.folder / "replays/text.json.gz").write_bytes(b"not a replay")
-    assert load_replay(like(SAMPLES["passed"].outcomes[0], replay=name), options) is None
+    outcome = SAMPLES["passed"].outcomes[0]
+    assert load_replay(like(outcome, replay=name), options) is None
+    assert load_replay(like(outcome, replay="replays/a.json.gz"), options) == made
 
 
 def test_the_stored_curve_of_a_verdict() -> None:
     # A curve is as it was stored.
-    found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)), 0, SHORT)
-    assert found is not None
-    assert (found.name, found.unit, found.lower, found.upper, found.start) == ("travelled", "m", 1.5, None, 0.0)
-    np.testing.assert_allclose(found.time, [0.0, 1.0, 2.0, 3.0])
-    np.testing.assert_allclose(found.values, [0.0, 1.0, 1.12, 1.12])
+    own = found(signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5))
+    assert (own.name, own.unit, own.lower, own.upper, own.start) == ("travelled", "m", 1.5, None, 0.0)
+    np.testing.assert_allclose(own.time, [0.0, 1.0, 2.0, 3.0])
+    np.testing.assert_allclose(own.values, [0.0, 1.0, 1.12, 1.12])
     # A curve may have moments of its own.
-    found = signal_of_verdict(replay(signal("travelled", [0.0, 1.0], time=[0.5, 0.75])), 0, SHORT)
-    assert found is not None
-    np.testing.assert_allclose(found.time, [0.5, 0.75])
+    np.testing.assert_allclose(found(signal("travelled", [0.0, 1.0], time=[0.5, 0.75])).time, [0.5, 0.75])
 
 
 def test_the_curve_that_fits_a_verdict() -> None:
@@ -202,18 +191,10 @@ def test_the_curve_that_fits_a_verdict() -> None:
     x = signal("x", [0.0, 1.0, 2.0, 3.0], lower=1.5)
     seconds = signal("time at rest", [0.0, 1.0, 1.12, 1.12], unit="s", lower=1.5)
     other = signal("y", [0.0, 1.0, 1.12, 1.12], lower=1.6)
-    wanted = signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)
-    found = signal_of_verdict(replay(x, seconds, other, wanted), 0, SHORT)
-    assert found is not None
-    assert found.name == "travelled"
+    assert found(x, seconds, other, signal("travelled", [0.0, 1.0, 1.12, 1.12], lower=1.5)).name == "travelled"
     # Of none that fits it is the first.
-    found = signal_of_verdict(
-        replay(signal("x", [0.0] * 4), signal("y", [0.0] * 4)), 0, replace(SHORT, measured=None, limit=None)
-    )
-    assert found is not None
-    assert found.name == "x"
+    several = signal("x", [0.0] * 4), signal("y", [0.0] * 4)
+    assert found(*several, verdict=replace(SHORT, measured=None, limit=None)).name == "x"
     # Curves belong to one expectation and may have no values.
     assert signal_of_verdict(replay(signal("x", [0.0] * 4, expectation=1)), 0, SHORT) is None
-    found = signal_of_verdict(replay(signal("x", [np.nan] * 4)), 0, SHORT)
-    assert found is not None
-    assert np.isnan(found.values).all()
+    assert np.isnan(found(signal("x", [np.nan] * 4)).values).all()

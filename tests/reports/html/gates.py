@@ -20,13 +20,11 @@ def run(number: int, margin: float | None, **changes: Any) -> Outcome:
     """A run with a margin to its limit; None: it crashed."""
     friction, yaw = 0.1 + number / 100, f"{number - 10} deg"
     verdict = Verdict((margin or 0) >= 0, 1.5 + (margin or 0), 1.5, margin, "m", 3.0, "travelled")
+    place = Location(FILE, 8, 5)
     expected = ExpectationOutcome(
-        name="travel at least 1.5 m",
-        assertion="travel",
-        severity="error",
-        location=Location(FILE, 8, 5),
-        verdict=verdict,
+        name="travel at least 1.5 m", assertion="travel", severity="error", location=place, verdict=verdict
     )
+    varied = Varied("world.ground.friction", friction), Varied("robot.pose.yaw", yaw), Varied("floor", "wet")
     crash = Failure(kind="crash", title="SIGSEGV", message="the process ended")
     return like(
         Outcome(
@@ -34,11 +32,7 @@ def run(number: int, margin: float | None, **changes: Any) -> Outcome:
             file=FILE,
             group="push",
             gate="push",
-            variation=(
-                Varied("world.ground.friction", friction),
-                Varied("robot.pose.yaw", yaw),
-                Varied("floor", "wet"),
-            ),
+            variation=varied,
             status="error" if margin is None else "passed" if margin >= 0 else "failed",
             expectations=() if margin is None else (expected,),
             failures=(crash,) if margin is None else (),

@@ -16,14 +16,6 @@ def change(old: Outcome, new: Outcome) -> ScenarioChange:
     return scenario_changes(compare_outcomes([old], [new]))[id(new)]
 
 
-def with_margin(margin: float) -> Outcome:
-    made = outcome("a.sim.yml")
-    [expected] = made.expectations
-    verdict = expected.verdict
-    smaller = type(verdict)(True, 1.5 + margin, 1.5, margin, "m", 2.0, "travelled enough")
-    return like(made, expectations=(like(expected, verdict=smaller),))
-
-
 def test_changes_of_verdicts() -> None:
     # Another verdict is the change.
     found = change(outcome("a.sim.yml"), outcome("a.sim.yml", holds=False))
@@ -49,6 +41,10 @@ def test_a_stricter_limit_is_named_as_the_reason_of_a_failure() -> None:
         "at 2.00 s; stricter limit: travel 1.6 m; was: travel 1.0 m; limit 1.6 m, was 1 m"
     )
     assert change(limited(1.0), limited(1.4)).gist == ""
+
+
+def with_margin(margin: float) -> Outcome:
+    return limited(1.5, 1.5 + margin)
 
 
 def test_a_limit_that_is_not_the_reason_of_a_failure_is_not_in_the_table() -> None:
@@ -88,7 +84,5 @@ def test_changes_of_passed_runs() -> None:
 def test_another_motion(digest: str, kind: str) -> None:
     old, new = (like(outcome("a.sim.yml"), digest=each, engine="PyBullet 3", seed=1) for each in ("a", digest))
     assert change(old, new).kind == kind
-
-
-def test_a_scenario_that_is_gone_has_no_change() -> None:
+    # A scenario that is gone has no change.
     assert scenario_changes(compare_outcomes([outcome("a.sim.yml")], [])) == {}

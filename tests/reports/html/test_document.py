@@ -40,14 +40,8 @@ def hash_of(content: str) -> str:
 
 
 def page_text() -> str:
-    return Page(
-        "title </title><script>",
-        failed=True,
-        body=[b"<main></main>"],
-        index="{}",
-        blocks={"a": "QQ=="},
-        has_replays=True,
-    ).text()
+    body, blocks = [b"<main></main>"], {"a": "QQ=="}
+    return Page("title </title><script>", failed=True, body=body, index="{}", blocks=blocks, has_replays=True).text()
 
 
 def test_the_policy_and_the_title_of_a_page() -> None:
@@ -145,16 +139,11 @@ def test_replays_of_other_scenarios(tmp_path: Path) -> None:
 def test_a_replay_is_told_whole_but_for_its_meshes_which_stand_apart() -> None:
     replay_blocks, replay = ReplayBlocks(), drive()
     assert replay_blocks.add("replay-s0", replay)
-    told_replay, meshes = (
-        json.loads(unpacked(replay_blocks.blocks["replay-s0"])),
-        json.loads(unpacked(replay_blocks.shared)),
-    )
-    assert set(meshes) == {MESH}
-    told_replay["scene"]["meshes"] = meshes
-    assert Replay.model_validate_json(json.dumps(told_replay)) == replay
-
-
-def test_what_is_in_several_replays_is_there_once() -> None:
+    whole = json.loads(unpacked(replay_blocks.blocks["replay-s0"]))
+    whole["scene"]["meshes"] = json.loads(unpacked(replay_blocks.shared))
+    assert set(whole["scene"]["meshes"]) == {MESH}
+    assert Replay.model_validate_json(json.dumps(whole)) == replay
+    # What is in several replays is there once.
     replay_blocks = ReplayBlocks()
     for number in range(3):
         replay_blocks.add(f"replay-s{number}", drive())
@@ -175,13 +164,8 @@ def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> No
     large = like(replay, scene=like(replay.scene, meshes={MESH: rough}))
     replay_blocks = ReplayBlocks()
     assert replay_blocks.add("first", large)
-    assert (
-        replay_blocks.size
-        >= len(replay_blocks.blocks["first"]) + len(replay_blocks.shared)
-        > 10 * len(replay_blocks.blocks["first"])
-    )
-    monkeypatch.setattr(
-        "sim_action.reports.html.document.MAX_REPLAY_BYTES", replay_blocks.size + len(replay_blocks.blocks["first"])
-    )
+    first = len(replay_blocks.blocks["first"])
+    assert replay_blocks.size >= first + len(replay_blocks.shared) > 10 * first
+    monkeypatch.setattr("sim_action.reports.html.document.MAX_REPLAY_BYTES", replay_blocks.size + first)
     assert not ReplayBlocks(meshes={"0" * 16: rough}, size=len(replay_blocks.shared)).add("other", large)
     assert replay_blocks.add("second", large)

@@ -58,33 +58,16 @@ def test_variations_have_their_parameters_as_columns(options: ReportOptions) -> 
     (group,) = grouped_scenarios(runs)
     place = GroupPlace("s0", {id(each): f"s{number}" for number, each in enumerate(runs, 1)}, frozenset(), True)
     text = variations_article(group, place, options)
-    assert re.findall(r'<th scope="col">(.*?)</th>', text) == [
-        "Run",
-        "friction",
-        "yaw",
-        "floor",
-        "Nearest limit",
-        "Margin",
-        "Replay",
-    ]
+    heads = re.findall(r'<th scope="col">(.*?)</th>', text)
+    assert heads == ["Run", "friction", "yaw", "floor", "Nearest limit", "Margin", "Replay"]
     assert "Variations: 4 of 4 passed" in text
     assert '<td data-title="yaw">-10 deg</td>' in text
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 1.0), (0.95, 1.0), (0.0, 0.01), (0.5, 0.5)])
 def test_the_drawing_of_a_rate_stays_in_its_frame(lower: float, upper: float) -> None:
-    statistics = GateStatistics(
-        planned=9,
-        runs=9,
-        passed=5,
-        failed=4,
-        errors=0,
-        not_exercised=0,
-        rate=upper,
-        confidence=0.9,
-        lower=lower,
-        upper=upper,
-    )
+    counts: dict[str, Any] = {"planned": 9, "runs": 9, "passed": 5, "failed": 4, "errors": 0, "not_exercised": 0}
+    statistics = GateStatistics(**counts, rate=upper, confidence=0.9, lower=lower, upper=upper)
     text = rate_figure(statistics, None, "passed")
     assert all(0 <= float(x) <= 360 for x in re.findall(r' (?:x|x1|x2|cx)="(.*?)"', text))
     assert "NaN" not in text

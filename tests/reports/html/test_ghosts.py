@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.core.errors import Location
 from sim_action.recording.replay.columns import Column, TextColumn
 from sim_action.recording.replay.replay_data import ChannelData, GoldenData, Replay
 from sim_action.recording.replay.scene_data import BodyData, SceneData
@@ -60,10 +59,8 @@ def test_the_base_run_is_a_ghost_drawn_at_once_if_the_verdict_changed(tmp_path: 
     found = page(results(*new), options(tmp_path, *old))
     [[ours], [theirs]] = ghosts(found)
     assert (ours["label"], ours["replay"], ours["shown"]) == ("base run", "ghost-s0", True)
-    assert ours["parting"] == {
-        "time": pytest.approx(0.0333, abs=1e-3),
-        "words": "The motions part at 0.03 s, by more than 5 mm",
-    }
+    assert ours["parting"]["time"] == pytest.approx(0.0333, abs=1e-3)
+    assert ours["parting"]["words"] == "The motions part at 0.03 s, by more than 5 mm"
     assert (theirs["replay"], theirs["shown"]) == ("ghost-s1", False)
     assert list(found.blocks)[:4] == ["replay-s0", "ghost-s0", "replay-s1", "ghost-s1"]
     # One command of the drive is wrong from the start on.
@@ -95,9 +92,7 @@ def test_the_same_motion_is_no_ghost(tmp_path: Path) -> None:
     found = page(results(run(tmp_path, "a", 1.0)), options(tmp_path, run(tmp_path / "old", "a", 1.0)))
     assert ghosts(found) == [[]]
     assert "Since the base run: it still passes." in body(found)
-
-
-def test_a_world_that_changed_is_named_although_the_motion_is_the_same(tmp_path: Path) -> None:
+    # A world that changed is named all the same.
     old, new = run(tmp_path / "old", "a", 1.0), run(tmp_path, "a", 1.0)
     kept(drive(distance=1.0, body="pallet"), tmp_path, "a")
     found = page(results(new), options(tmp_path, old))
@@ -133,23 +128,15 @@ def test_no_scenario_in_common(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().err == ""
     write_html(new, options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
     assert "--against old: no scenario has the file and name of one in this run" in capsys.readouterr().err
-    found = page(
-        results(run(tmp_path, "a", 0.5, holds=False), run(tmp_path, "c", 0.5)),
-        options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")),
-    )
-    text = body(found)
+    several = results(run(tmp_path, "a", 0.5, holds=False), run(tmp_path, "c", 0.5))
+    text = body(page(several, options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml"))))
     assert "Nothing to compare: no scenario of old has the name of one here" in text
     assert "newly fails" not in text
 
 
 def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
-    still = Column(scale=1.0, first=0)
-    ahead = Column(scale=0.6, first=0, deltas=(1, 1))
-    times = Column(scale=1.0, first=0, deltas=(1, 1))
-    golden = GoldenData(expectation=0, time=times, base=(ahead, still, still, still))
     made = run(tmp_path, "a", 1.0)
-    wide = like(golden, position=0.25, yaw=0.1)
-    kept(like(drive(), golden=(golden, wide)), tmp_path, "a")
+    kept(like(drive(), golden=(golden(0.6), like(golden(0.6), position=0.25, yaw=0.1))), tmp_path, "a")
     found = page(results(made), options(tmp_path))
     [[one, other]] = ghosts(found)
     assert (one["label"], one["replay"], other["label"]) == ("golden trajectory", "golden-s0-1", "golden trajectory 2")
@@ -165,14 +152,12 @@ def test_a_gate_says_what_changed(tmp_path: Path) -> None:
     old, new = (gate_results(planned, *runs_of_gate(planned, **counts)) for counts in ({"passed": 3}, {"failed": 3}))
     found = page(new, options(tmp_path, *old.outcomes))
     assert "Since the base run: newly fails" in body(found)
-
-
-def test_a_gate_that_claims_less_says_so(tmp_path: Path) -> None:
+    # It says so if it claims less.
     strict, loose = (planned_gate(runs=3, passes={"at_least": rate, "confidence": "60 %"}) for rate in ("50 %", "10 %"))
     old, new = (gate_results(planned, *runs_of_gate(planned, passed=3)) for planned in (strict, loose))
     before = EarlierRun("old", old.outcomes, {}, old.gates)
-    found = body(page(new, replace(options(tmp_path), against=before)))
-    assert "Since the base run: weaker limit: passes: at least 10 %, was at least 50 %." in found
+    text = body(page(new, replace(options(tmp_path), against=before)))
+    assert "Since the base run: weaker limit: passes: at least 10 %, was at least 50 %." in text
 
 
 def test_a_scenario_in_another_engine_is_a_ghost_that_takes_no_room(tmp_path: Path) -> None:
@@ -202,6 +187,12 @@ def test_the_first_repetition_that_differs_is_a_ghost_drawn_at_once(tmp_path: Pa
     assert none == []
 
 
+def parted(ours: Replay, theirs: Replay) -> Parting:
+    found = parting(ours, theirs)
+    assert found is not None
+    return found
+
+
 TIMES = Column(scale=1.0, first=0, deltas=(1, 1))
 STILL = Column(scale=1.0, first=0)
 
@@ -224,14 +215,9 @@ def test_it_has_the_motion_of_the_file_and_is_a_valid_replay() -> None:
     assert golden_replay(replay, golden(0.5)).frames.joints[0].decoded(3).tolist() == [0.0, 0.0, 0.0]
     turning = Column(scale=0.1, first=0, deltas=(1, 1))
     assert golden_replay(replay, golden(0.5, joints=((0, turning),))).frames.joints == (turning,)
-
-
-def test_a_run_parts_from_it() -> None:
-    replay = drive()
+    # A run parts from it.
     assert parting(replay, golden_replay(replay, golden(0.5))) is None
-    found = parting(replay, golden_replay(replay, golden(0.6)))
-    assert found is not None
-    assert found.time == 1.0
+    assert parted(replay, golden_replay(replay, golden(0.6))).time == 1.0
 
 
 def test_a_channel_that_only_one_run_has_is_zero_in_the_ghost() -> None:
@@ -307,13 +293,11 @@ def test_motions_that_part() -> None:
     assert parting(drive(), drive()) is None
     assert parting(drive(), drive(distance=1.004)) is None
     # After 1 s of 2 s, 10 mm more are 5 mm.
-    found = parting(drive(), drive(distance=1.0101))
-    assert found is not None
+    found = parted(drive(), drive(distance=1.0101))
     assert found.time == pytest.approx(1.0, abs=0.04)
     assert found.words == "by more than 5 mm"
     # A heading counts and a quaternion is its negative.
-    found = parting(turned(0.0), turned(math.radians(2)))
-    assert found is not None
+    found = parted(turned(0.0), turned(math.radians(2)))
     assert found.time == pytest.approx(0.5, abs=0.04)
     assert found.words == "by more than 0.5 deg"
     assert parting(turned(1.0), turned(1.0, sign=-1.0)) is None
@@ -342,21 +326,16 @@ def test_motions_that_do_not_part() -> None:
     assert parting(replay, coarse) is None
     assert parting(coarse, replay) is None
     # What was not compared is not said to move alike.
-    assert (
-        same_motion_text(drive(), drive(), Tolerance())
-        == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
-    )
-    arm = drive(distance=0.0)
-    assert same_motion_text(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
-    body = with_frames(like(drive(), joint_names=()), joints=())
-    assert same_motion_text(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
+    words = same_motion_text(drive(), drive(), Tolerance())
+    assert words == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
+    for whole in (drive(distance=0.0), with_frames(like(drive(), joint_names=()), joints=())):
+        words = same_motion_text(whole, whole, Tolerance())
+        assert words == "The motions are the same, up to 5 mm or 0.5 deg"
 
     # A larger tolerance of the scenario counts.
     def agreed(limit: float, unit: str) -> ExpectationOutcome:
-        verdict = Verdict(True, 0.0, limit, limit, unit, 1.0, "")
-        return ExpectationOutcome(
-            name="agreement", assertion="agreement", severity="error", location=Location("a"), verdict=verdict
-        )
+        (expected,) = outcome("a.sim.yml").expectations
+        return like(expected, assertion="agreement", verdict=Verdict(True, 0.0, limit, limit, unit, 1.0, ""))
 
     made = like(outcome("a.sim.yml"), expectations=(agreed(0.2, "m"), agreed(1e-4, "rad")))
     tolerance = Tolerance.of(made)
@@ -369,32 +348,21 @@ def test_motions_that_do_not_part() -> None:
 def test_joints_count_where_no_base_moves() -> None:
     arm = drive(distance=0.0)
     bent = with_frames(arm, joints=(Column.encoded(np.linspace(0, 0.1, arm.frames.count), 1e-4),))
-    found = parting(arm, bent)
-    assert found is not None
-    assert found.words == "by more than 0.5 deg"
+    assert parted(arm, bent).words == "by more than 0.5 deg"
     (wheel, *rest) = arm.scene.links[::-1]
     assert wheel.joint is not None
     slider = like(wheel, joint=like(wheel.joint, type="prismatic"))
     slid = like(arm, scene=like(arm.scene, links=(*rest[::-1], slider)))
-    found = parting(slid, bent)
-    assert found is not None
-    assert found.words == "by more than 5 mm"
-    renamed = like(bent, joint_names=("other",))
-    assert parting(arm, renamed) is None
+    assert parted(slid, bent).words == "by more than 5 mm"
+    assert parting(arm, like(bent, joint_names=("other",))) is None
 
 
 def commanding(values: list[float], commanded: float, *, name: str = "linear x", unit: str = "m/s") -> Replay:
     """A drive whose joint command is that of `commanded`, with a channel of commands, one a second."""
     replay = drive()
     count = replay.frames.count
-    channel = ChannelData(
-        group="base",
-        name=name,
-        unit=unit,
-        time=TextColumn.encoded(np.arange(len(values), dtype=float), 1e-3),
-        values=TextColumn.encoded(np.array(values), 1e-3),
-        commanded=True,
-    )
+    time, speeds = (TextColumn.encoded(np.array(row, float), 1e-3) for row in (range(len(values)), values))
+    channel = ChannelData(group="base", name=name, unit=unit, time=time, values=speeds, commanded=True)
     aim = Column.encoded(np.full(count, commanded), 1e-3)
     return like(with_frames(replay, commanded=(aim,)), channels=(channel,))
 
@@ -410,12 +378,7 @@ def commanding(values: list[float], commanded: float, *, name: str = "linear x",
         # At a single moment.
         (([0.5, 0.3, 0.5], 1.0), ([0.5, 0.5, 0.5], 1.0), 2.0, ""),
         # Of two that differ, the first.
-        (
-            ([0.5, 0.3, 0.3], 1.2),
-            ([0.5, 0.5, 0.5], 1.0),
-            2.0,
-            "wheel_joint position 68.75 deg, before 57.3 deg, at 0.00 s",
-        ),
+        (([0.5, 0.3, 0.3], 1.2), ([0.5] * 3, 1.0), 2.0, "wheel_joint position 68.75 deg, before 57.3 deg, at 0.00 s"),
         (([0.5, math.nan, 0.3], 1.0), ([0.5, 0.5, 0.3], 1.0), 2.0, ""),
     ],
 )
@@ -427,10 +390,7 @@ def test_the_first_command_that_differs_is_named(
 
 def test_commands_that_differ() -> None:
     # A part of a twist that is not stored is zero.
-    straight, turning = (
-        commanding([0.5, 0.5, 0.5], 1.0),
-        commanding([0.1, 0.1, 0.1], 1.0, name="angular z", unit="rad/s"),
-    )
+    straight, turning = commanding([0.5] * 3, 1.0), commanding([0.1] * 3, 1.0, name="angular z", unit="rad/s")
     both = like(straight, channels=(*straight.channels, *turning.channels))
     assert commands_until(both, straight, 2.0) == "angular z 5.73 deg/s, before 0 deg/s, at 0.00 s"
     assert commands_until(straight, both, 2.0) == "angular z 0 deg/s, before 5.73 deg/s, at 0.00 s"
@@ -438,17 +398,15 @@ def test_commands_that_differ() -> None:
     bare = with_frames(drive(), commanded=())
     assert commands_until(bare, drive(), 2.0) is None
     # The commands that both have are the same, and nothing is known of the other.
-    assert commands_until(with_frames(commanding([0.5, 0.5], 1.0), commanded=()), drive(), 2.0) is None
-    assert (
-        commands_until(commanding([0.5, 0.5], 1.0), with_frames(commanding([0.5, 0.5], 1.0), commanded=()), 2.0) is None
-    )
+    alone = with_frames(commanding([0.5, 0.5], 1.0), commanded=())
+    assert commands_until(alone, drive(), 2.0) is None
+    assert commands_until(commanding([0.5, 0.5], 1.0), alone, 2.0) is None
     # The first of several differences counts.
     replay = drive()
     angles = np.where(np.arange(replay.frames.count) >= 10, 0.05, 0.0)
     z, w = (Column.encoded(part(angles / 2), 1e-5) for part in (np.sin, np.cos))
     # The heading differs at 0.33 s, the position from 1 s on.
     other = drive(distance=1.0101)
-    found = parting(replay, with_frames(other, base=(*other.frames.base[:5], z, w)))
-    assert found is not None
+    found = parted(replay, with_frames(other, base=(*other.frames.base[:5], z, w)))
     assert found.time == pytest.approx(1 / 3, abs=0.01)
     assert found.words == "by more than 0.5 deg"

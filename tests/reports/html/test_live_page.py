@@ -76,7 +76,7 @@ def test_a_gate_counts_in_place_of_its_runs(tmp_path: Path) -> None:
     assert [words for _, _, words in shown["counts"]] == ["1 passed"]
 
 
-def test_scenarios_of_a_call_that_ran_or_has_left(tmp_path: Path) -> None:
+def test_scenarios_of_a_call_that_ran_or_has_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Runs of a repeated scenario are counted.
     journal = begun(tmp_path)
     for turn in (1, 2):
@@ -88,9 +88,7 @@ def test_scenarios_of_a_call_that_ran_or_has_left(tmp_path: Path) -> None:
     shown = state(tmp_path / "nothing")
     assert shown["call"] == 0
     assert "lists" not in shown
-
-
-def test_what_a_call_has_left_is_not_waiting(tmp_path: Path) -> None:
+    # What a call has left is not waiting.
     journal = begun(tmp_path)
     journal(Started(0, 1, "a"))
     journal(Finished(1, outcome("b")))
@@ -98,6 +96,15 @@ def test_what_a_call_has_left_is_not_waiting(tmp_path: Path) -> None:
     shown = state(tmp_path)
     assert names(shown) == {"Not finished": ["a"], "Did not pass": [], "Passed": ["b"], "Not started": ["c"]}
     assert shown["left"] is None
+    # Names of strangers are one clean line.
+    begun(tmp_path, ("</script>\u202e\n<b>",))
+    [row] = state(tmp_path)["lists"][-1]["rows"]
+    assert row["name"] == "</script> <b>"
+    # Long lists are cut and counted.
+    monkeypatch.setattr(live_page, "MAX_ROWS", 2)
+    begun(tmp_path)
+    waiting = state(tmp_path)["lists"][-1]
+    assert (waiting["count"], len(waiting["rows"])) == (3, 2)
 
 
 def test_the_time_left_counts_no_outcome_of_an_earlier_call(tmp_path: Path) -> None:
@@ -123,19 +130,6 @@ def test_a_time_beyond_all_clocks_leaves_the_time_left_open(tmp_path: Path) -> N
     follower.recorded.records[:] = [replace(record, at=1e308) for record in follower.recorded.records]
     shown = json.loads(json.dumps(live_state(follower), allow_nan=False))
     assert (shown["finished"], shown["left"]) == (1, None)
-
-
-def test_long_lists_are_cut_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_page, "MAX_ROWS", 2)
-    begun(tmp_path)
-    waiting = state(tmp_path)["lists"][-1]
-    assert (waiting["count"], len(waiting["rows"])) == (3, 2)
-
-
-def test_names_of_strangers_are_one_clean_line(tmp_path: Path) -> None:
-    begun(tmp_path, ("</script>\u202e\n<b>",))
-    [row] = state(tmp_path)["lists"][-1]["rows"]
-    assert row["name"] == "</script> <b>"
 
 
 def test_only_live_pages_may_connect(tmp_path: Path) -> None:

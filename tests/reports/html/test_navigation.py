@@ -24,15 +24,11 @@ def test_a_gate_is_followed_by_its_runs_the_worst_first() -> None:
 
 
 def test_variations_with_numbers_have_an_article_together() -> None:
-    entries = planned(*(run(number, 0.1, gate=None) for number in range(3))).entries
-    assert [(entry.kind, entry.name) for entry in entries][:2] == [
-        ("variations", "push"),
-        ("scenario", "push[friction=0.1,yaw=-10deg]"),
-    ]
-    assert [entry.kind for entry in planned(*(run(number, 0.1, gate=None) for number in range(2))).entries] == [
-        "scenario",
-        "scenario",
-    ]
+    runs = [run(number, 0.1, gate=None) for number in range(3)]
+    first, second, *_ = planned(*runs).entries
+    assert (first.kind, first.name) == ("variations", "push")
+    assert (second.kind, second.name) == ("scenario", "push[friction=0.1,yaw=-10deg]")
+    assert [entry.kind for entry in planned(*runs[:2]).entries] == ["scenario", "scenario"]
 
 
 def test_failures_have_the_first_right_to_a_replay_and_those_that_count_before_samples() -> None:

@@ -59,19 +59,14 @@ def test_a_page_stays_in_its_frame(frame: Callable[[str], str]) -> None:
 
 
 def test_a_run_of_a_gate_is_shown_alone(tmp_path: Path) -> None:
-    name = kept(drive(), tmp_path, "cart")
-    ran = like(outcome("cart.sim.yml"), replay=name, gate="often", group="cart")
+    replay = kept(drive(), tmp_path, "cart")
+    ran = like(outcome("cart.sim.yml"), replay=replay, gate="often", group="cart")
     made = outcome_page(ran, report_options(tmp_path))
     assert made is not None
     text = made.text()
     assert '<html lang="en" data-embed>' in text
     assert text.count("<article") == 1
     assert "<nav" not in text
-
-
-def test_a_run_without_a_replay_has_no_page(tmp_path: Path) -> None:
-    assert outcome_page(outcome("a.sim.yml"), report_options(tmp_path)) is None
-    lost = outcome("a.sim.yml", replay="replays/lost.json.gz")
-    assert outcome_page(lost, report_options(tmp_path)) is None
-    outside = outcome("a.sim.yml", replay="../cart.json.gz")
-    assert outcome_page(outside, report_options(tmp_path)) is None
+    # A run without a replay has no page.
+    for name in (None, "replays/lost.json.gz", "../cart.json.gz"):
+        assert outcome_page(outcome("a.sim.yml", replay=name), report_options(tmp_path)) is None

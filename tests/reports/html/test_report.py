@@ -35,18 +35,15 @@ def test_golden(kind: str, options: ReportOptions, golden: Callable[[str, str], 
     golden(f"{kind}.html", f"{body(SAMPLES[kind], replace(options, environment=ON_GITHUB))}\n")
 
 
-def test_golden_of_a_run_that_was_kept(options: ReportOptions, golden: Callable[[str, str], None]) -> None:
-    golden("replay.html", f"{body(results_of(ran(options)), options)}\n")
-
-
 def ran(options: ReportOptions) -> Outcome:
     options.folder.mkdir()
     return like(SAMPLES["cut"].outcomes[0], replay=kept(drive(), options.folder, "cut"))
 
 
-def test_the_page_is_one_file_with_failures_first(options: ReportOptions) -> None:
+def test_the_page_is_one_file_with_failures_first(options: ReportOptions, golden: Callable[[str, str], None]) -> None:
     # The page is one file with all that it needs.
     results = results_of(ran(options))
+    golden("replay.html", f"{body(results, options)}\n")
     write_html(results, options)
     text = (options.folder / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"(?:src|href)=[\"'](?!#|data:|https://github)", text)
@@ -77,10 +74,8 @@ def test_links_tell_runs_of_one_name_apart(options: ReportOptions) -> None:
     entries = json.loads(page(results_of(first, second, crash), options).index)["scenarios"]
     numbers = {entry["status"]: entry["number"] for entry in entries}
     assert numbers == {"error": 3, "failed": 2, "passed": 1}
-    assert [replay_link(each, options) for each in (first, second)] == [
-        "report.html#scenario=a",
-        "report.html#scenario=a&n=2",
-    ]
+    links = [replay_link(outcome, options) for outcome in (first, second)]
+    assert links == ["report.html#scenario=a", "report.html#scenario=a&n=2"]
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
@@ -115,8 +110,7 @@ def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
     lost = like(ran(options), replay=where)
     kept(drive(), tmp_path, "elsewhere")
     found = page(results_of(lost), options)
-    shown = found.text()
-    assert "The replay file of this run is missing" in shown
+    assert "The replay file of this run is missing" in found.text()
     assert not found.blocks
 
 
@@ -124,8 +118,7 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(options: ReportOpti
     broken = ran(options)
     with whole_file(options.folder / "replays/cut.json.gz") as file:
         file.write(b"no gzip")
-    found = page(results_of(broken), options)
-    shown = found.text()
+    shown = page(results_of(broken), options).text()
     assert "The replay cannot be read:" in shown
     assert "base_link touched wall" in shown
 
@@ -133,8 +126,7 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(options: ReportOpti
 def test_what_finds_no_room_has_no_replay_and_says_so(options: ReportOptions, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim_action.reports.html.document.MAX_REPLAY_BYTES", 100)
     found = page(results_of(ran(options)), options)
-    shown = found.text()
-    assert "The replay of this run is not included" in shown
+    assert "The replay of this run is not included" in found.text()
     assert "<svg" not in b"".join(found.body).decode()
     assert not found.blocks
 
@@ -153,10 +145,8 @@ def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
 def test_a_gate_carries_the_data_of_its_plot_and_no_viewer_without_a_replay(options: ReportOptions) -> None:
     found = page(failed_gate(), options)
     entries = json.loads(found.index)["scenarios"]
-    assert [(entry["kind"], entry["sweep"], entry["replay"]) for entry in entries[:2]] == [
-        ("gate", "sweep-s0", None),
-        ("sample", None, None),
-    ]
+    shown = [(entry["kind"], entry["sweep"], entry["replay"]) for entry in entries[:2]]
+    assert shown == [("gate", "sweep-s0", None), ("sample", None, None)]
     data = json.loads(gzip.decompress(base64.b64decode(found.blocks["sweep-s0"])))
     assert [parameter["name"] for parameter in data["parameters"]] == ["friction", "yaw"]
     assert data["entries"] == [f"s{number}" for number in range(1, 31)]

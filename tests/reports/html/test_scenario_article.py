@@ -50,12 +50,8 @@ LINES = [f"line {number} <b>" for number in range(1, 61)]
     [
         ("a.sim.yml", range(1, 29), [8]),
         ("folder/a.yaml", range(1, 29), [8]),
-        ("../outside.sim.yml", [], []),
-        ("link.sim.yml", [], []),
-        ("a.py", [], []),
-        ("none.sim.yml", [], []),
-        ("binary.yml", [], []),
-        ("large.yml", [], []),
+        *((f"{name}.sim.yml", [], []) for name in ("../outside", "link", "none")),
+        *((name, [], []) for name in ("a.py", "binary.yml", "large.yml")),
     ],
 )
 def test_a_failure_shows_its_line_of_the_scenario(
@@ -94,6 +90,11 @@ BOTH = (
 )
 
 
+UNSEEN = (
+    "wall was not seen by any lidar or contact sensor, in the readings that are kept; the robot touched it at 2.30 s."
+)
+
+
 def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wall") -> list[str]:
     html = sightings(like(drive(body=body), obstacles=obstacles, unread=unread))
     return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
@@ -108,13 +109,7 @@ def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wa
             ObstacleData(body=0, seen=(like(BUMPER, every=8),)),
             "wall was first seen by bumper (contact, 1 of 8 readings looked at) at 2.30 s.",
         ),
-        (
-            ObstacleData(body=0, touched=2.3),
-            (
-                "wall was not seen by any lidar or contact sensor, in the readings that are kept; "
-                "the robot touched it at 2.30 s."
-            ),
-        ),
+        (ObstacleData(body=0, touched=2.3), UNSEEN),
         (
             ObstacleData(body=0, touched=2.3, seen=(BUMPER,)),
             "wall was first seen by bumper (contact) at 2.30 s; the robot touched it at 2.30 s.",

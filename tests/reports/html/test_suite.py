@@ -33,22 +33,21 @@ def crashed(file: str) -> Outcome:
     return like(outcome(file), status="error", expectations=(), failures=(failure,))
 
 
-def with_margin(margin: float, limit: float = 2.0, *, goal: bool = False, file: str = "a.sim.yml") -> Outcome:
-    made = outcome(file, holds=margin >= 0)
+def judged(file: str, *, holds: bool = False, **changes: Any) -> Outcome:
+    made = outcome(file, holds=holds)
     [expected] = made.expectations
-    verdict = replace(expected.verdict, margin=margin, limit=limit, goal=goal)
-    return like(made, expectations=(like(expected, verdict=verdict),))
+    return like(made, expectations=(like(expected, verdict=replace(expected.verdict, **changes)),))
+
+
+def with_margin(margin: float, *, goal: bool = False) -> Outcome:
+    return judged("a.sim.yml", holds=margin >= 0, margin=margin, limit=2.0, goal=goal)
 
 
 def test_the_rows_of_the_table() -> None:
     # There is a row for each scenario the worst first.
     text = article(outcome("a.sim.yml"), outcome("b.sim.yml", holds=False), crashed("c.sim.yml"), unjudged("d.sim.yml"))
-    assert re.findall(r'<th scope="row"><a href="#(s\d)">(\w)</a>', text) == [
-        ("s0", "c"),
-        ("s1", "b"),
-        ("s2", "d"),
-        ("s3", "a"),
-    ]
+    rows = re.findall(r'<th scope="row"><a href="#(s\d)">(\w)</a>', text)
+    assert rows == [("s0", "c"), ("s1", "b"), ("s2", "d"), ("s3", "a")]
     assert re.findall(r'<tbody data-status="(\w+)"', text) == ["error", "failed", "not_exercised", "passed"]
     # Rows name the tags of their scenarios.
     tagged = like(outcome("a.sim.yml"), tags=("nightly", "slow"))
@@ -134,10 +133,8 @@ def test_small_paths() -> None:
     assert drawn.count(",") == 40
     assert "polyline" not in small_path(drive(distance=0.0), "passed")
     # A small path runs from its start to its end.
-    assert re.findall(r'cx="(\d+)" cy="(\d+)" r="30" class="(\w+)"', small_path(drive(distance=2.0), "passed")) == [
-        ("50", "200", "start"),
-        ("590", "200", "end"),
-    ]
+    ends = re.findall(r'cx="(\d+)" cy="(\d+)" r="30" class="(\w+)"', small_path(drive(distance=2.0), "passed"))
+    assert ends == [("50", "200", "start"), ("590", "200", "end")]
     ahead = drive(distance=2.0)
     x, y, *rest = ahead.frames.base
     left = like(ahead, frames=like(ahead.frames, base=(y, x, *rest)))
@@ -146,18 +143,14 @@ def test_small_paths() -> None:
 
 
 def failed(file: str, body: str = "", time: float | None = 1.5, **changes: Any) -> Outcome:
-    made = outcome(file, holds=False)
-    [expected] = made.expectations
-    verdict = replace(expected.verdict, body=body, time=time, **changes)
-    return like(made, expectations=(like(expected, verdict=verdict),))
+    return judged(file, body=body, time=time, **changes)
 
 
 def said(*outcomes: Outcome, seen: Sequence[RunLook] = (), worlds: Sequence[str] = ()) -> list[str]:
     ids = {id(each): f"s{number}" for number, each in enumerate(outcomes)}
     looks = dict(zip(ids, seen, strict=False))
-    changes = {
-        number: ScenarioChange("newly fails", "", world=world) for number, world in zip(ids, worlds, strict=False)
-    }
+    fails = [ScenarioChange("newly fails", "", world=world) for world in worlds]
+    changes = dict(zip(ids, fails, strict=False))
     html = alike(grouped_scenarios(outcomes), ids, looks, changes)
     return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
 
@@ -229,8 +222,6 @@ def test_failures_that_are_not_listed_or_counted() -> None:
     other = run(1, -0.2, gate=None, group=None, name="b", file="b.sim.yml")
     [words] = said(*varied, other)
     assert words.startswith(f"4 runs failed {other.expectations[0].name}: ")
-
-
-def test_names_are_text() -> None:
+    # Names are text.
     hostile = [failed(f"{number}.sim.yml", "<b>box</b>") for number in range(2)]
     assert "<b>box" not in alike(grouped_scenarios(hostile), {}, {}, {})

@@ -49,9 +49,8 @@ def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
 
 
 def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
-    path = scene_data.PolylineMark(
-        kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), tolerance=0.2, expectation=0
-    )
+    way = ((0.0, 1.0, 0.0), (1.0, 1.0, 0.0))
+    path = scene_data.PolylineMark(kind="polyline", points=way, tolerance=0.2, expectation=0)
     arrow = scene_data.ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, tolerance=0.5, expectation=0)
     replay = like(drive(distance=3.0), marks=(path, arrow))
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml", holds=False)))
