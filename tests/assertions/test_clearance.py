@@ -35,9 +35,7 @@ def test_the_first_that_is_too_near_speaks_though_another_comes_nearer() -> None
     assert judged(Clearance(at_least=0.75), seen()) == Verdict(
         False, 0.5, 0.75, -0.25, "m", 2.0, "base_footprint was 0.5 m from wall at 2.00 s, less than 0.75 m", body="wall"
     )
-
-
-def test_what_is_inside_is_told_so() -> None:
+    # What is inside is told so.
     verdict = judged(Clearance(at_least=0.05), seen())
     assert not verdict.passed
     assert verdict.measured == -0.01
@@ -49,13 +47,10 @@ def test_a_bound_may_be_met_to_the_last_bit() -> None:
     assert judged(Clearance(at_most=0.125), seen(3)).margin == 0.0
 
 
-def test_a_goal_comes_true_when_something_is_near_enough() -> None:
+def test_a_goal_comes_true_when_something_is_near_enough_or_says_how_near_it_came() -> None:
     assert judged(Clearance(at_most=0.25), seen()) == Verdict(
         True, 0.125, 0.25, 0.125, "m", 3.0, "base_scan was 0.125 m from wall at 3.00 s", body="wall"
     )
-
-
-def test_a_goal_that_failed_says_how_near_it_came() -> None:
     assert judged(Clearance(at_most=0.25), seen(2)) == Verdict(
         False, 0.5, 0.25, -0.25, "m", 2.0, "closest approach in 5.0 s: base_footprint was 0.5 m from wall at 2.00 s"
     )

@@ -143,17 +143,10 @@ def test_the_contrary_has_the_other_margin() -> None:
 def test_the_opposite_of_a_touch_has_the_other_count_as_limit(seen: Trace) -> None:
     """`not: {contact: ...}` reads as `no_collision` does, and `not: no_collision` as `contact`."""
     touch, nothing = judged(Touch.model_validate("wall"), seen), judged(NoCollision(), seen)
-    for negated, plain in (
-        (judged(no(Touch.model_validate("wall")), seen), nothing),
-        (judged(no(NoCollision()), seen), touch),
-    ):
-        assert (negated.passed, negated.measured, negated.limit, negated.margin, negated.unit) == (
-            plain.passed,
-            plain.measured,
-            plain.limit,
-            plain.margin,
-            "contacts",
-        )
+    for spec, plain in ((Touch.model_validate("wall"), nothing), (NoCollision(), touch)):
+        negated = judged(no(spec), seen)
+        assert (negated.passed, negated.measured, negated.unit) == (plain.passed, plain.measured, "contacts")
+        assert (negated.limit, negated.margin) == (plain.limit, plain.margin)
     assert touch.passed is not nothing.passed
     (touching, *_) = no(Touch.model_validate("wall")).signals(scene(), START, seen)
     (colliding, *_) = no(NoCollision()).signals(scene(), START, seen)
@@ -186,29 +179,20 @@ def test_problems_say_in_which_part_they_are() -> None:
     spec = any_of(NEARER, no(NoCollision(allow=("wal",))), all_of(NoCollision(), NoCollision(allow=("base_scan", "x"))))
     paths = [path for path, _ in spec.problems(scene())]
     assert paths == [(1, "not", "no_collision", "allow", 0), (2, "all_of", 1, "no_collision", "allow", 1)]
+    # What parts need is known of the whole.
+    keys = [leaf.key for leaf in any_of(NEARER, no(all_of(NoCollision(), BACK))).leaves()]
+    assert keys == ["travel", "no_collision", "travel"]
 
 
-def test_what_parts_need_is_known_of_the_whole() -> None:
-    assert [leaf.key for leaf in any_of(NEARER, no(all_of(NoCollision(), BACK))).leaves()] == [
-        "travel",
-        "no_collision",
-        "travel",
-    ]
-
-
-def test_many_parts_have_a_short_title() -> None:
+def test_many_parts_have_a_short_title_and_a_list_in_it_shows_where_it_ends() -> None:
     spec: Assertion = any_of(*[NEARER] * 1000)
     assert len(spec.title) <= 100
     assert len(no(spec).title) <= 100
-
-
-def test_a_list_in_a_title_shows_where_it_ends() -> None:
     inner = all_of(FAR, NEARER)
     assert any_of(inner, BACK).title == "any_of: (all_of: travel at least 3 m; travel at least 2 m); travel at most 1 m"
     assert no(inner).title == "not (all_of: travel at least 3 m; travel at least 2 m)"
-    assert judged(any_of(inner, BACK), ride()).message.startswith(
-        "1 of 2 hold; (all_of: travel at least 3 m; travel at least 2 m): all 2 hold; travel at least "
-    )
+    holds = "1 of 2 hold; (all_of: travel at least 3 m; travel at least 2 m): all 2 hold; travel at least "
+    assert judged(any_of(inner, BACK), ride()).message.startswith(holds)
 
 
 class _Steady(NamedTuple):
@@ -288,9 +272,7 @@ def test_places_that_are_never_reached_together_fail_although_each_is_reached() 
         "not true then: reach (1.5, 0) within 0.05 m"
     )
     assert judged(at_once(Reach(x=9, y=9), Reach(x=8, y=8)), WAY).message.startswith("at most none of 2")
-
-
-def test_it_comes_true_at_the_first_moment_at_which_all_are_true() -> None:
+    # It comes true at the first moment at which all are true.
     verdict = judged(at_once(Travel(at_least=1.0), Upright(), NoCollision()), WAY)
     assert (verdict.passed, verdict.time) == (True, 2.0)
     assert verdict.message == "all 3 were true at 2.00 s"
@@ -301,9 +283,7 @@ def test_an_invariant_that_broke_before_may_be_true_again() -> None:
     assert not judged(at_once(HERE, NoCollision()), seen).passed
     assert judged(at_once(THERE, NoCollision()), seen).passed
     assert judged(at_once(HERE, Negation(part=NoCollision())), seen).passed
-
-
-def test_parts_that_are_true_at_the_same_moment() -> None:
+    # Parts that are true at the same moment.
     assert judged(at_once(THERE, Settled()), WAY).passed
     assert not judged(at_once(HERE, Settled()), WAY).passed
     assert judged(at_once(HERE, AnyOf(parts=(THERE, Travel(at_most=0.6)))), WAY).passed
@@ -322,12 +302,9 @@ def test_a_reading_counts_until_the_next_one() -> None:
 def test_parts_without_a_truth_at_a_moment_are_refused() -> None:
     spec = AtOnce(parts=(HERE, FinalPose(x=1.0, y=0.0), Stl(formula="eventually (x > 1)"), AllOf(parts=(HERE,))))
     assert [path for path, _ in spec.problems(scene())] == [(1,), (2,), (3,)]
-    assert next(message for _, message in spec.problems(scene())) == (
-        "'final_pose' is not true or false at a moment; use all_of, or another assertion"
-    )
-
-
-def test_the_number_of_true_conditions_is_drawn() -> None:
+    message = next(message for _, message in spec.problems(scene()))
+    assert message == "'final_pose' is not true or false at a moment; use all_of, or another assertion"
+    # The number of true conditions is drawn.
     count, *_ = at_once(HERE, Travel(at_least=1.0), Upright()).signals(scene(), START, WAY)
     assert (count.name, count.lower, count.values.tolist()) == ("conditions that are true", 3.0, [1.0, 2.0, 2.0, 2.0])
 

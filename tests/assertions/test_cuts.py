@@ -174,16 +174,11 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
     time = np.arange(1, steps + 1) / RATE
     turn = rng.normal(size=(steps, 4)) + np.array((0.0, 0.0, 0.0, 3.0))
     density = rng.choice([0.02, 0.6])
-    touches: list[Contact] = [
-        contact(
-            float(at),
-            body=str(rng.choice(["wall", "ball"])),
-            link=str(rng.choice(["base_scan", "base_footprint"])),
-            force=float(rng.uniform(10.0, 20.0)),
-        )
-        for at in time
-        if rng.random() < density
-    ]
+    touches: list[Contact] = []
+    for at in time.tolist():
+        if rng.random() < density:
+            body, link = (str(rng.choice(names)) for names in (["wall", "ball"], ["base_scan", "base_footprint"]))
+            touches.append(contact(at, body, link, float(rng.uniform(10.0, 20.0))))
     seen = Trace.of_columns(
         joint_names=WHEELS,
         time=time,
@@ -214,12 +209,9 @@ def random_steps(rng: np.random.Generator, foot: str, time: FloatArray) -> Conta
     others = [(at, body, (side, 0.0, 0.0)) for at, body, side in zip(time[::7].tolist(), bodies, sides, strict=True)]
     touches = sorted([*ground, *others])
     places, forces = rng.normal(size=(len(touches), 3)).tolist(), rng.uniform(1.0, 9.0, len(touches)).tolist()
-    return ContactRecord.of(
-        [
-            (at, LinkTouch(foot, body, tuple(place), normal, force))
-            for (at, body, normal), place, force in zip(touches, places, forces, strict=True)
-        ]
-    )
+    points = zip(touches, places, forces, strict=True)
+    found = [(at, LinkTouch(foot, body, tuple(place), normal, force)) for (at, body, normal), place, force in points]
+    return ContactRecord.of(found)
 
 
 def random_poses(rng: np.random.Generator, time: FloatArray) -> BodyRecord:
@@ -256,6 +248,7 @@ def random_clearances(rng: np.random.Generator, watch: ClearanceWatch, time: Flo
 
 cuts = st.lists(st.integers(0, STEPS), max_size=12)
 seeds = st.integers(0, 2**32 - 1)
+spans = st.sampled_from([None, 0.01, 0.1])
 moments = st.integers(0, STEPS + 5).map(lambda step: step / RATE)
 
 
@@ -263,6 +256,12 @@ def in_pieces(opened: Monitor, seen: Trace, at: list[int]) -> Monitor:
     for start, end in pairwise(sorted([0, *at, len(seen)])):  # equal neighbours make empty blocks
         opened = opened.observe(piece(seen, start, end))
     return opened
+
+
+def assert_the_same_of_pieces(opened: Monitor, seen: Trace, at: list[int]) -> None:
+    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
+    assert pieces.state is whole.state
+    assert pieces.verdict() == whole.verdict()
 
 
 def test_every_assertion_is_among_those_that_are_cut() -> None:
@@ -274,44 +273,27 @@ def test_every_assertion_is_among_those_that_are_cut() -> None:
 @given(seed=seeds, at=cuts)
 @example(seed=1, at=list(range(STEPS)))
 def test_a_monitor_says_the_same_of_the_pieces_as_of_the_whole(spec: Assertion, seed: int, at: list[int]) -> None:
-    seen, opened = random_trace(seed), monitor(spec)
-    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
-    assert pieces.state is whole.state
-    assert pieces.verdict() == whole.verdict()
+    assert_the_same_of_pieces(monitor(spec), random_trace(seed), at)
 
 
 @examples(100)
 @given(st.sampled_from(SPECS), seeds, cuts, moments, moments | st.just(math.inf))
 @example(OdometryError(position=1.0), 243353463, [48], 0.0, math.inf)
 def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], after: float, before: float) -> None:
-    seen, opened = random_trace(seed), Window(monitor(spec), after, before)
-    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
-    assert pieces.state is whole.state
-    assert pieces.verdict() == whole.verdict()
+    assert_the_same_of_pieces(Window(monitor(spec), after, before), random_trace(seed), at)
 
 
 GOALS = [spec for spec in SPECS if spec.is_goal and spec.has_truth]
 
 
 @examples(200)
-@given(
-    st.sampled_from(GOALS),
-    st.sampled_from([None, 0.01, 0.1]),
-    st.booleans(),
-    seeds,
-    cuts,
-    moments,
-    moments | st.just(math.inf),
-)
+@given(st.sampled_from(GOALS), spans, st.booleans(), seeds, cuts, moments, moments | st.just(math.inf))
 def test_a_goal_that_must_become_true_says_the_same_of_pieces(  # noqa: PLR0917 - drawn by name
     spec: Assertion, span: float | None, acted_on: bool, seed: int, at: list[int], after: float, before: float
 ) -> None:
     span = None if spec.hold_time else span
     opened = Window(spec.opened(replace(scene(), acted_on=acted_on), MOVABLE, span), after, before)
-    seen = random_trace(seed)
-    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
-    assert pieces.state is whole.state
-    assert pieces.verdict() == whole.verdict()
+    assert_the_same_of_pieces(opened, random_trace(seed), at)
 
 
 @pytest.mark.parametrize("at", [range(STEPS), range(0, STEPS, 7)])

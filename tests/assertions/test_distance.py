@@ -16,32 +16,20 @@ SQUARE = trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 1.0, 0.0, 0.0], y=[0.0, 1.0, 1.0, 0
 THERE_AND_BACK = trace([1.0, 2.0, 3.0], x=[0.5, 1.25, 0.25])
 
 
-def test_a_goal_that_is_met_says_when() -> None:
-    assert judged(Travel(at_least=1.0), THERE_AND_BACK) == Verdict(
-        True, 1.25, 1.0, 0.25, "m", 2.0, "travelled 1.25 m in 2.00 s"
-    )
-
-
-def test_a_goal_is_met_at_its_limit() -> None:
-    assert judged(Travel(at_least=1.25), THERE_AND_BACK).margin == 0.0
-
-
-def test_a_shortfall_says_how_far_it_got() -> None:
-    assert judged(Travel(at_least=1.5), THERE_AND_BACK) == Verdict(
-        False, 1.25, 1.5, -0.25, "m", 2.0, "travelled 1.25 m of 1.5 m in 3.0 s"
-    )
-
-
-def test_an_upper_bound_that_holds_says_how_near_it_came() -> None:
-    assert judged(Travel(at_most=1.5), THERE_AND_BACK) == Verdict(
-        True, 1.25, 1.5, 0.25, "m", 2.0, "travelled at most 1.25 m, limit 1.5 m"
-    )
-
-
-def test_an_upper_bound_is_broken_at_the_first_moment_beyond() -> None:
-    assert judged(Travel(at_most=1.0), THERE_AND_BACK) == Verdict(
-        False, 1.25, 1.0, -0.25, "m", 2.0, "travelled 1.25 m at 2.00 s, more than 1 m"
-    )
+@pytest.mark.parametrize(
+    ("spec", "passed", "limit", "message"),
+    [
+        (Travel(at_least=1.0), True, 1.0, "travelled 1.25 m in 2.00 s"),
+        (Travel(at_least=1.25), True, 1.25, "travelled 1.25 m in 2.00 s"),
+        (Travel(at_least=1.5), False, 1.5, "travelled 1.25 m of 1.5 m in 3.0 s"),
+        (Travel(at_most=1.5), True, 1.5, "travelled at most 1.25 m, limit 1.5 m"),
+        (Travel(at_most=1.0), False, 1.0, "travelled 1.25 m at 2.00 s, more than 1 m"),
+    ],
+    ids=["goal met", "at its limit", "shortfall", "upper bound", "first moment beyond"],
+)
+def test_a_bound_says_when_it_was_met_or_broken(spec: Travel, passed: bool, limit: float, message: str) -> None:
+    margin = abs(1.25 - limit) * (1 if passed else -1)
+    assert judged(spec, THERE_AND_BACK) == Verdict(passed, 1.25, limit, margin, "m", 2.0, message)
 
 
 @pytest.mark.parametrize(
@@ -68,26 +56,18 @@ def test_a_miss_by_a_hair_is_told_apart_from_the_limit() -> None:
     assert judged(Travel(at_most=1.49998), near).message == "travelled 1.49999 m at 1.00 s, more than 1.49998 m"
 
 
-def test_the_way_adds_up_where_displacement_does_not() -> None:
-    assert judged(PathLength(at_least=3.5), SQUARE) == Verdict(True, 4.0, 3.5, 0.5, "m", 4.0, "covered 4 m in 4.00 s")
-
-
-def test_a_way_that_is_too_short() -> None:
-    assert judged(PathLength(at_least=5.0), SQUARE) == Verdict(
-        False, 4.0, 5.0, -1.0, "m", 4.0, "covered 4 m of 5 m in 4.0 s"
-    )
-
-
-def test_a_way_that_is_too_long() -> None:
-    assert judged(PathLength(at_most=2.5), SQUARE) == Verdict(
-        False, 3.0, 2.5, -0.5, "m", 3.0, "covered 3 m at 3.00 s, more than 2.5 m"
-    )
-
-
-def test_a_way_that_stays_within_its_limit() -> None:
-    assert judged(PathLength(at_most=4.0), SQUARE) == Verdict(
-        True, 4.0, 4.0, 0.0, "m", 4.0, "covered at most 4 m, limit 4 m"
-    )
+@pytest.mark.parametrize(
+    ("spec", "verdict"),
+    [
+        (PathLength(at_least=3.5), Verdict(True, 4.0, 3.5, 0.5, "m", 4.0, "covered 4 m in 4.00 s")),
+        (PathLength(at_least=5.0), Verdict(False, 4.0, 5.0, -1.0, "m", 4.0, "covered 4 m of 5 m in 4.0 s")),
+        (PathLength(at_most=2.5), Verdict(False, 3.0, 2.5, -0.5, "m", 3.0, "covered 3 m at 3.00 s, more than 2.5 m")),
+        (PathLength(at_most=4.0), Verdict(True, 4.0, 4.0, 0.0, "m", 4.0, "covered at most 4 m, limit 4 m")),
+    ],
+    ids=["long enough", "too short", "too long", "within its limit"],
+)
+def test_the_way_adds_up_where_displacement_does_not(spec: PathLength, verdict: Verdict) -> None:
+    assert judged(spec, SQUARE) == verdict
 
 
 def test_the_way_begins_at_the_start_and_is_in_space() -> None:

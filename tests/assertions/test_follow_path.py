@@ -19,7 +19,7 @@ from sim_action.assertions.monitors.windows import Window
 from sim_action.core.workspace import Workspace
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
-from tests.traces import judged, monitor, scene, trace
+from tests.traces import START, judged, monitor, scene, trace
 
 LINE = (follow_path.PathPoint(x=0, y=0), follow_path.PathPoint(x=4, y=0))
 HAIRPIN = (follow_path.PathPoint(x=0, y=0), follow_path.PathPoint(x=2, y=0), follow_path.PathPoint(x=0, y=0))
@@ -35,38 +35,33 @@ def way(*places: tuple[float, float]) -> Trace:
 SWERVE = way((1, 0), (2, 0.25), (3, -0.5), (4, 0))
 
 
-def test_the_greatest_error_speaks_with_where_on_the_path_it_was() -> None:
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.75), SWERVE) == Verdict(
-        True, 0.5, 0.75, 0.25, "m", 3.0, "at most 0.5 m off the path at 3.00 s, 3 m along it, limit 0.75 m"
-    )
+def along(**keys: Any) -> follow_path.FollowPath:
+    return follow_path.FollowPath(path=LINE, **keys)
 
 
-def test_the_first_error_that_is_too_great_speaks() -> None:
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.125), SWERVE) == Verdict(
-        False, 0.25, 0.125, -0.125, "m", 2.0, "0.25 m off the path at 2.00 s, 2 m along it, more than 0.125 m"
-    )
+def test_the_greatest_error_speaks_or_the_first_that_is_too_great_with_where_on_the_path_it_was() -> None:
+    message = "at most 0.5 m off the path at 3.00 s, 3 m along it, limit 0.75 m"
+    assert judged(along(max_error=0.75), SWERVE) == Verdict(True, 0.5, 0.75, 0.25, "m", 3.0, message)
+    message = "0.25 m off the path at 2.00 s, 2 m along it, more than 0.125 m"
+    assert judged(along(max_error=0.125), SWERVE) == Verdict(False, 0.25, 0.125, -0.125, "m", 2.0, message)
 
 
 def test_the_mean_is_judged_when_the_run_is_over() -> None:
     root = math.sqrt((0.25**2 + 0.5**2) / 4)
-    failed = follow_path.FollowPath(path=LINE, rms=0.25)
+    failed = along(rms=0.25)
     assert monitor(failed).observe(SWERVE).state is State.HOLDS
     verdict = judged(failed, SWERVE)
     assert (verdict.passed, verdict.measured, verdict.time) == (False, root, 4.0)
     assert verdict.message == "RMS distance from the path 0.2795 m, more than 0.25 m"
-    assert judged(follow_path.FollowPath(path=LINE, rms=0.3), SWERVE).message == (
-        "RMS distance from the path 0.2795 m, limit 0.3 m"
-    )
-
-
-def test_both_may_be_asked_and_what_fails_speaks() -> None:
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.75, rms=0.3), SWERVE).measured == 0.5
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.75, rms=0.25), SWERVE).limit == 0.25
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.4, rms=0.25), SWERVE).limit == 0.4
+    assert judged(along(rms=0.3), SWERVE).message == "RMS distance from the path 0.2795 m, limit 0.3 m"
+    # Both may be asked, and what fails speaks.
+    assert judged(along(max_error=0.75, rms=0.3), SWERVE).measured == 0.5
+    assert judged(along(max_error=0.75, rms=0.25), SWERVE).limit == 0.25
+    assert judged(along(max_error=0.4, rms=0.25), SWERVE).limit == 0.4
 
 
 def test_the_end_is_a_goal() -> None:
-    spec = follow_path.FollowPath(path=LINE, end=END)
+    spec = along(end=END)
     opened = monitor(spec)
     assert opened.state is State.PENDING
     assert opened.observe(SWERVE.first(3)).state is State.PENDING
@@ -78,17 +73,16 @@ def test_the_end_is_a_goal() -> None:
     assert verdict.margin == pytest.approx(0.25 - short)
     told = "came no closer than 1.118 m to the end of the path of 4 m, measured along it, in 3.0 s; closest at 3.00 s"
     assert verdict.message == told
-    assert judged(follow_path.FollowPath(path=LINE, rms=0.01, end=END), SWERVE).limit == 0.01
-    assert monitor(follow_path.FollowPath(path=LINE, rms=0.01, end=END)).observe(SWERVE).state is State.BROKEN
-    assert judged(spec, SWERVE) == Verdict(
-        True, 0.0, 0.25, 0.25, "m", 4.0, "reached the end of the path within 0 m in 4.00 s"
-    )
+    assert judged(along(rms=0.01, end=END), SWERVE).limit == 0.01
+    assert monitor(along(rms=0.01, end=END)).observe(SWERVE).state is State.BROKEN
+    told = "reached the end of the path within 0 m in 4.00 s"
+    assert judged(spec, SWERVE) == Verdict(True, 0.0, 0.25, 0.25, "m", 4.0, told)
 
 
 def test_what_happens_after_the_end_does_not_count_if_it_is_a_goal() -> None:
     beyond = way((1, 0), (2, 0), (3, 0), (4, 0), (5, 3))
-    assert judged(follow_path.FollowPath(path=LINE, max_error=0.1, rms=0.1, end=END), beyond).passed
-    verdict = judged(follow_path.FollowPath(path=LINE, max_error=0.1), beyond)
+    assert judged(along(max_error=0.1, rms=0.1, end=END), beyond).passed
+    verdict = judged(along(max_error=0.1), beyond)
     assert not verdict.passed
     assert verdict.measured == pytest.approx(math.hypot(1, 3))
 
@@ -108,7 +102,7 @@ def test_before_its_window_the_robot_goes_on_and_is_not_judged() -> None:
 
 
 def test_a_robot_that_begins_beside_the_path_is_off_it() -> None:
-    verdict = judged(follow_path.FollowPath(path=LINE, max_error=0.5), way((0, 1), (1, 0)))
+    verdict = judged(along(max_error=0.5), way((0, 1), (1, 0)))
     assert (verdict.passed, verdict.time, verdict.measured) == (False, 1.0, 1.0)
 
 
@@ -123,15 +117,7 @@ def test_a_file_holds_a_path(tmp_path: Path) -> None:
     assert problems_of(tmp_path, "t, x, y\n0, 0, 0\n1, 2, 0\n2, 4, 0\n") == []
     here = replace(scene(), workspace=Workspace(tmp_path, tmp_path))
     spec = follow_path.FollowPath(file="p.csv", max_error=0.75)
-    assert spec.monitor(here, monitor_start()).observe(SWERVE).verdict() == judged(
-        follow_path.FollowPath(path=LINE, max_error=0.75), SWERVE
-    )
-
-
-def monitor_start() -> Any:
-    from tests.traces import START
-
-    return START
+    assert spec.monitor(here, START).observe(SWERVE).verdict() == judged(along(max_error=0.75), SWERVE)
 
 
 @pytest.mark.parametrize(
@@ -161,16 +147,12 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     [({"max_error": 0.75, "rms": 0.5, "end": END}, 0.75), ({"rms": 0.5, "end": END}, 0.5), ({"end": END}, 0.25)],
 )
 def test_without_a_step_the_limit_is_the_first_that_was_asked(asked: dict[str, Any], limit: float) -> None:
-    verdict = judged(follow_path.FollowPath(path=LINE, **asked), trace([]))
+    verdict = judged(along(**asked), trace([]))
     assert (verdict.passed, verdict.measured, verdict.limit) == (False, None, limit)
 
 
 CORNER = follow_path.ReferencePath(((0.0, 0.0), (3.0, 0.0), (3.0, 4.0)))
 EIGHT = tuple((2 * math.sin(turn), math.sin(2 * turn)) for turn in [math.tau * n / 200 for n in range(201)])
-
-
-def test_lengths_add_up() -> None:
-    assert CORNER.lengths == (0.0, 3.0, 7.0)
 
 
 @pytest.mark.parametrize(
@@ -191,6 +173,7 @@ def test_lengths_add_up() -> None:
 def test_the_nearest_place_is_looked_for_between_two_lengths(
     place: follow_path.Point, begin: float, end: float, foot: follow_path.Foot
 ) -> None:
+    assert CORNER.lengths == (0.0, 3.0, 7.0)
     assert CORNER.foot(place, begin, end) == pytest.approx(foot)
 
 
@@ -274,7 +257,4 @@ def test_a_curve_goes_through_its_points_and_never_turns_sharply() -> None:
 def test_a_curve_through_points_on_a_line_is_that_line() -> None:
     for x, y in follow_path.smoothed([(0.0, 0.0), (1.0, 2.0), (3.0, 6.0), (3.5, 7.0)]):
         assert y == pytest.approx(2 * x)
-
-
-def test_two_points_make_a_straight_line() -> None:
     assert follow_path.smoothed([(0.0, 0.0), (1.0, 1.0)]) == [(0.0, 0.0), (1.0, 1.0)]

@@ -10,44 +10,34 @@ import pytest
 
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.state.verdict import Verdict
-from tests.traces import WHEELS, burger, judged, monitor, scene, trace
+from tests.traces import burger, judged, monitor, scene, trace
 
 WHEEL = "wheel_left_joint"
 SEEN = trace([1.0, 2.0, 3.0], position=[0.5, 1.25, 1.0], velocity=[0.5, -1.0, 0.0], effort=[3.0, 4.0, 2.0])
 
 
-def test_a_bound_that_is_reached() -> None:
+def test_a_bound_that_is_reached_not_reached_or_exceeded() -> None:
+    message = "wheel_left_joint had position 71.62 deg in 2.00 s"
     verdict = judged(JointReading(name=WHEEL, at_least=1.0), SEEN)
-    assert verdict == Verdict(
-        True, 1.25, 1.0, 0.25, "rad", 2.0, "wheel_left_joint had position 71.62 deg in 2.00 s", joint=WHEEL
-    )
-
-
-def test_a_bound_that_is_not_reached() -> None:
+    assert verdict == Verdict(True, 1.25, 1.0, 0.25, "rad", 2.0, message, joint=WHEEL)
+    # One that is not.
     verdict = judged(JointReading(name=WHEEL, reading="velocity", at_least=1.0), SEEN)
     assert (verdict.passed, verdict.measured, verdict.margin, verdict.time) == (False, 0.5, -0.5, 1.0)
     assert verdict.message == "wheel_left_joint had velocity 28.65 deg/s of 57.3 deg/s in 3.0 s"
+    # One that is exceeded.
+    message = "wheel_left_joint had effort 4 N m at 2.00 s, more than 3.5 N m"
+    verdict = judged(JointReading(name=WHEEL, reading="effort", at_most=3.5), SEEN)
+    assert verdict == Verdict(False, 4.0, 3.5, -0.5, "N m", 2.0, message, joint=WHEEL)
 
 
-def test_a_bound_that_is_exceeded() -> None:
-    assert judged(JointReading(name=WHEEL, reading="effort", at_most=3.5), SEEN) == Verdict(
-        False, 4.0, 3.5, -0.5, "N m", 2.0, "wheel_left_joint had effort 4 N m at 2.00 s, more than 3.5 N m", joint=WHEEL
-    )
-
-
-def test_a_value_that_is_come_near_to() -> None:
+def test_a_value_that_is_come_near_to_or_not() -> None:
+    message = "wheel_left_joint came within 14.32 deg of 85.94 deg in 2.00 s"
     verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.5), SEEN)
-    assert verdict == Verdict(
-        True, 0.25, 0.5, 0.25, "rad", 2.0, "wheel_left_joint came within 14.32 deg of 85.94 deg in 2.00 s", joint=WHEEL
-    )
-
-
-def test_a_value_that_is_not_come_near_to() -> None:
+    assert verdict == Verdict(True, 0.25, 0.5, 0.25, "rad", 2.0, message, joint=WHEEL)
     verdict = judged(JointReading(name=WHEEL, near=1.5, tolerance=0.125), SEEN)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin) == (False, 0.25, 0.125, -0.125)
-    assert verdict.message == (
-        "wheel_left_joint came no closer than 14.32 deg to 85.94 deg in 3.0 s; closest at 2.00 s"
-    )
+    message = "wheel_left_joint came no closer than 14.32 deg to 85.94 deg in 3.0 s; closest at 2.00 s"
+    assert verdict.message == message
 
 
 @pytest.mark.parametrize(
@@ -85,9 +75,7 @@ def test_a_joint_that_is_not_there_is_a_problem() -> None:
         "the model has no moving joint 'wheel_left'; did you mean 'wheel_left_joint'? "
         "(allowed: wheel_left_joint, wheel_right_joint)"
     )
-
-
-def test_a_fixed_joint_cannot_be_read() -> None:
+    # A fixed joint cannot be read.
     assert list(JointReading(name="scan_joint", at_most=1).problems(scene()))
 
 
@@ -138,42 +126,22 @@ def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
     assert verdict.message.startswith(f"{WHEEL} came no closer than 0.10001 N m to 1 N m ")
 
 
-WHEEL_JOINT = WHEELS[0]
-
-
 def within(**readings: dict[str, tuple[float | str, float | str]]) -> JointWithin:
     return JointWithin.model_validate(readings)
 
 
-def test_the_bound_that_was_nearest_speaks_if_all_hold() -> None:
-    assert judged(within(position={WHEEL_JOINT: (0, 2)}), SEEN) == Verdict(
-        True,
-        0.5,
-        0.0,
-        0.5,
-        "rad",
-        1.0,
-        "stayed within bounds; closest to wheel_left_joint = 0 deg with wheel_left_joint = 28.65 deg at 1.00 s",
-        joint=WHEEL_JOINT,
-    )
-
-
-def test_a_bound_that_was_left_speaks() -> None:
-    assert judged(within(position={WHEEL_JOINT: (-10, 10)}, velocity={WHEEL_JOINT: (-0.5, 10)}), SEEN) == Verdict(
-        False,
-        -1.0,
-        -0.5,
-        -0.5,
-        "rad/s",
-        2.0,
-        "crossed the bound wheel_left_joint velocity = -28.65 deg/s: wheel_left_joint velocity = -57.3 deg/s at 2.00 s",
-        joint=WHEEL_JOINT,
-    )
+def test_the_bound_that_was_left_speaks_and_that_was_nearest_if_all_hold() -> None:
+    message = "stayed within bounds; closest to wheel_left_joint = 0 deg with wheel_left_joint = 28.65 deg at 1.00 s"
+    verdict = judged(within(position={WHEEL: (0, 2)}), SEEN)
+    assert verdict == Verdict(True, 0.5, 0.0, 0.5, "rad", 1.0, message, joint=WHEEL)
+    message = f"crossed the bound {WHEEL} velocity = -28.65 deg/s: {WHEEL} velocity = -57.3 deg/s at 2.00 s"
+    verdict = judged(within(position={WHEEL: (-10, 10)}, velocity={WHEEL: (-0.5, 10)}), SEEN)
+    assert verdict == Verdict(False, -1.0, -0.5, -0.5, "rad/s", 2.0, message, joint=WHEEL)
 
 
 def test_nearness_is_a_part_of_the_interval() -> None:
     # 1 N m of 100 is nearer to its bound than 0.75 rad of 2.
-    verdict = judged(within(position={WHEEL_JOINT: (0, 2)}, effort={WHEEL_JOINT: (-95, 5)}), SEEN)
+    verdict = judged(within(position={WHEEL: (0, 2)}, effort={WHEEL: (-95, 5)}), SEEN)
     assert (verdict.unit, verdict.measured, verdict.margin) == ("N m", 4.0, 1.0)
 
 
@@ -184,10 +152,10 @@ def test_a_pattern_is_of_every_joint_that_it_fits() -> None:
 
 
 def test_bounds_are_part_of_the_interval_and_take_units() -> None:
-    assert judged(within(velocity={WHEEL_JOINT: ("-1 rad/s", "0.5 rad/s")}), SEEN).margin == 0.0
+    assert judged(within(velocity={WHEEL: ("-1 rad/s", "0.5 rad/s")}), SEEN).margin == 0.0
 
 
 def test_joints_that_are_not_there_and_units_of_others_are_problems() -> None:
-    problems = dict(within(position={"elbow": (0, 1), WHEEL_JOINT: (0, "5 cm")}).problems(scene()))
+    problems = dict(within(position={"elbow": (0, 1), WHEEL: (0, "5 cm")}).problems(scene()))
     assert problems["position", "elbow"].startswith("the model has no moving joint 'elbow'")
-    assert problems["position", WHEEL_JOINT, 1].startswith(f"joint '{WHEEL}' turns: 'cm' is not a unit of angle")
+    assert problems["position", WHEEL, 1].startswith(f"joint '{WHEEL}' turns: 'cm' is not a unit of angle")

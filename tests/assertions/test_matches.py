@@ -106,10 +106,12 @@ def test_both_are_told_of_a_run_that_went_astray_and_is_too_short(tmp_path: Path
     assert verdict.message.endswith("0.50 s shorter than x.csv: ended at 1.50 s instead of 2.00 s")
 
 
-def test_it_ends_no_run(tmp_path: Path) -> None:
+def test_it_ends_no_run_and_needs_a_moment(tmp_path: Path) -> None:
     spec = Matches(trace="x.csv", position=0.02)
     kept(tmp_path, driven(), spec)
-    assert spec.monitor(there(tmp_path), STANDING).observe(driven(y=lambda t: t)).state is State.HOLDS
+    opened = spec.monitor(there(tmp_path), STANDING)
+    assert opened.observe(driven(y=lambda t: t)).state is State.HOLDS
+    assert (opened.verdict().status, opened.verdict().judged) == ("not_exercised", Judged())
 
 
 def test_a_window_is_compared_alone(tmp_path: Path) -> None:
@@ -120,13 +122,6 @@ def test_a_window_is_compared_alone(tmp_path: Path) -> None:
     window = Window(spec.monitor(there(tmp_path), STANDING), after=0.5, before=1.0)
     assert window.observe(astray).verdict().passed
     assert not window.observe(driven(y=lambda t: np.where(t > 0.9, 1.0, 0.0))).verdict().passed
-
-
-def test_it_needs_a_moment(tmp_path: Path) -> None:
-    spec = Matches(trace="x.csv", position=0.02)
-    kept(tmp_path, driven(), spec)
-    verdict = spec.monitor(there(tmp_path), STANDING).verdict()
-    assert (verdict.status, verdict.judged) == ("not_exercised", Judged())
 
 
 def test_a_window_after_the_end_of_the_golden_run_compares_nothing(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -20,22 +21,15 @@ from tests.traces import START, judged, monitor, piece, scene, trace
 FASTER = trace([1.0, 2.0, 3.0], speed=[0.25, -0.5, 0.75], turn_rate=[0.0, -2.0, 1.0])
 
 
-def test_a_speed_within_the_limit_passes() -> None:
-    assert judged(MaxSpeed(linear=1.0), FASTER) == Verdict(
-        True, 0.75, 1.0, 0.25, "m/s", 3.0, "moved with at most 0.75 m/s, limit 1 m/s"
-    )
-
-
-def test_backwards_is_a_speed_too() -> None:
-    assert judged(MaxSpeed(linear=0.25), FASTER) == Verdict(
-        False, 0.5, 0.25, -0.25, "m/s", 2.0, "moved with 0.5 m/s at 2.00 s, more than 0.25 m/s"
-    )
-
-
-def test_turning_has_a_limit_of_its_own() -> None:
-    assert judged(MaxSpeed(angular=1.0), FASTER) == Verdict(
-        False, 2.0, 1.0, -1.0, "rad/s", 2.0, "turned with 114.6 deg/s at 2.00 s, more than 57.3 deg/s"
-    )
+def test_backwards_is_a_speed_too_and_turning_has_a_limit_of_its_own() -> None:
+    message = "moved with at most 0.75 m/s, limit 1 m/s"
+    assert judged(MaxSpeed(linear=1.0), FASTER) == Verdict(True, 0.75, 1.0, 0.25, "m/s", 3.0, message)
+    message = "moved with 0.5 m/s at 2.00 s, more than 0.25 m/s"
+    assert judged(MaxSpeed(linear=0.25), FASTER) == Verdict(False, 0.5, 0.25, -0.25, "m/s", 2.0, message)
+    message = "turned with 114.6 deg/s at 2.00 s, more than 57.3 deg/s"
+    assert judged(MaxSpeed(angular=1.0), FASTER) == Verdict(False, 2.0, 1.0, -1.0, "rad/s", 2.0, message)
+    # Standing still can be asked for.
+    assert judged(MaxSpeed(linear=0.0), trace([1.0])).passed
 
 
 @pytest.mark.parametrize(
@@ -49,10 +43,6 @@ def test_of_both_limits_the_one_that_was_broken_first_speaks(
     assert (verdict.unit, verdict.time) == (unit, time)
 
 
-def test_standing_still_can_be_asked_for() -> None:
-    assert judged(MaxSpeed(linear=0.0), trace([1.0])).passed
-
-
 @pytest.mark.parametrize(("linear", "angular", "unit"), [(1.0, 2.1, "rad/s"), (0.8, 4.0, "m/s"), (100.0, 2.5, "rad/s")])
 def test_of_two_limits_that_hold_the_tighter_one_speaks(linear: float, angular: float, unit: str) -> None:
     verdict = judged(MaxSpeed(linear=linear, angular=angular), FASTER)
@@ -60,18 +50,12 @@ def test_of_two_limits_that_hold_the_tighter_one_speaks(linear: float, angular: 
     assert verdict.unit == unit
 
 
-def jumping(
-    *,
-    rate: float = 240.0,
-    x: list[float] | None = None,
-    yaw: list[float] | None = None,
-    speed: list[float] | None = None,
-) -> Trace:
+def jumping(*, rate: float = 240.0, **columns: Any) -> Trace:
     """A base at t = 0 and after each of five steps; it stands unless columns are given."""
-    return trace([number / rate for number in range(6)], x=x, yaw=yaw, speed=speed)
+    return trace([number / rate for number in range(6)], **columns)
 
 
-THERE = [0.0, 0.0, 0.0, 5.0, 5.0, 5.0]
+THERE, TURNED = [0.0, 0.0, 0.0, 5.0, 5.0, 5.0], [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
 
 
 def cut(seen: Trace, *ends: int) -> list[Trace]:
@@ -102,7 +86,7 @@ def test_a_jump_in_the_first_step_counts_with_and_without_a_row_at_zero(first: i
 
 
 def test_a_turn_that_no_turn_rate_explains_breaks_it() -> None:
-    verdict = judged(MaxSpeed(angular=1.0), jumping(yaw=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]))
+    verdict = judged(MaxSpeed(angular=1.0), jumping(yaw=TURNED))
     assert verdict.measured == pytest.approx(240)
     assert (verdict.passed, verdict.time) == (False, 3 / 240)
     assert verdict.message.startswith(
@@ -113,7 +97,7 @@ def test_a_turn_that_no_turn_rate_explains_breaks_it() -> None:
 
 def test_a_jump_in_position_is_no_turn() -> None:
     assert judged(MaxSpeed(angular=1.0), jumping(x=THERE)).passed
-    assert judged(MaxSpeed(linear=1.0), jumping(yaw=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0])).passed
+    assert judged(MaxSpeed(linear=1.0), jumping(yaw=TURNED)).passed
 
 
 @pytest.mark.parametrize("ends", [(), (2,), (3,), (4,), (1, 2, 3, 4, 5)])

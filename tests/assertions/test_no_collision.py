@@ -25,16 +25,8 @@ def test_a_robot_that_touches_nothing_passes() -> None:
 
 
 def test_the_first_contact_is_named() -> None:
-    assert judged(NoCollision(), TOUCHED) == Verdict(
-        False,
-        1.0,
-        0.0,
-        -1.0,
-        "contacts",
-        2.0,
-        "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N in that physics step",
-        body="wall",
-    )
+    message = "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N in that physics step"
+    assert judged(NoCollision(), TOUCHED) == Verdict(False, 1.0, 0.0, -1.0, "contacts", 2.0, message, body="wall")
 
 
 def test_the_force_is_that_of_all_points_of_the_step() -> None:
@@ -44,13 +36,10 @@ def test_the_force_is_that_of_all_points_of_the_step() -> None:
     assert judged(NoCollision(), hard).message.endswith("with 1234 N in that physics step")
 
 
-def test_the_ground_never_counts() -> None:
+def test_the_ground_never_counts_but_a_link_called_ground_is_none() -> None:
     grounded = trace([1.0], contacts=[contact(1.0, body="ground")])
     assert judged(NoCollision(), grounded).passed
     assert judged(NoCollision(allow=("ground",)), grounded).passed
-
-
-def test_a_link_called_ground_is_no_ground() -> None:
     assert not judged(NoCollision(), trace([1.0], contacts=[contact(1.0, link="ground")])).passed
 
 
@@ -75,9 +64,7 @@ def test_names_that_are_not_there_are_problems() -> None:
     assert [(path, message.partition(" (")[0]) for path, message in spec.problems(scene())] == [
         (("allow", 1), "'wal' is neither an object nor a link; did you mean 'wall'?")
     ]
-
-
-def test_only_the_first_unknown_names_are_told_what_there_is() -> None:
+    # Only the first unknown names are told what there is.
     told = [message for _, message in NoCollision(allow=("wal",) * 20).problems(scene())]
     assert ["(allowed: " in message for message in told] == [True] * 10 + [False] * 10
 
@@ -125,16 +112,12 @@ def test_links_that_do_not_touch_pass() -> None:
 
 
 def test_the_first_touch_is_named_with_the_depth_of_what_only_passes_through() -> None:
-    assert judged(SelfCollision(), touched(touch(2.0), touch(2.0, depth=0.003), touch(3.0))) == Verdict(
-        False,
-        1.0,
-        0.0,
-        -1.0,
-        "contacts",
-        2.0,
+    message = (
         "wheel_left_link touched wheel_right_link at 2.00 s, at (1.00, 0.25, 0.10) m, 0.003 m deep (links pass through "
-        "each other: robot.self_collision is off)",
+        "each other: robot.self_collision is off)"
     )
+    verdict = judged(SelfCollision(), touched(touch(2.0), touch(2.0, depth=0.003), touch(3.0)))
+    assert verdict == Verdict(False, 1.0, 0.0, -1.0, "contacts", 2.0, message)
 
 
 def test_links_that_collide_touch_with_the_force_of_all_points() -> None:

@@ -38,33 +38,19 @@ def driven(record: SensorRecord, **columns: Any) -> Trace:
 AHEAD = driven(told([0.0, 1.0, 2.0, 3.0], [0.0, 1.125, 2.5, 3.25]))
 
 
-def test_the_greatest_error_in_position_speaks() -> None:
-    assert judged(OdometryError(position=0.75), AHEAD) == Verdict(
-        True, 0.5, 0.75, 0.25, "m", 2.0, "odometry was 0.5 m off at 2.00 s, the largest error; limit 0.75 m"
-    )
-
-
-def test_the_first_that_is_too_great_speaks() -> None:
-    assert judged(OdometryError(position=0.0625), AHEAD) == Verdict(
-        False, 0.125, 0.0625, -0.0625, "m", 1.0, "odometry was 0.125 m off at 1.00 s, more than 0.0625 m"
-    )
-
-
-def test_the_height_does_not_count() -> None:
+def test_the_greatest_error_in_position_speaks_or_the_first_that_is_too_great_and_heights_do_not_count() -> None:
+    message = "odometry was 0.5 m off at 2.00 s, the largest error; limit 0.75 m"
+    assert judged(OdometryError(position=0.75), AHEAD) == Verdict(True, 0.5, 0.75, 0.25, "m", 2.0, message)
+    message = "odometry was 0.125 m off at 1.00 s, more than 0.0625 m"
+    verdict = judged(OdometryError(position=0.0625), AHEAD)
+    assert verdict == Verdict(False, 0.125, 0.0625, -0.0625, "m", 1.0, message)
     assert judged(OdometryError(position=0.1), driven(told([1.0], [1.0]))).margin == 0.1
 
 
 def test_drift_is_a_share_of_the_way_of_which_the_first_metre_counts_whole() -> None:
     verdict = judged(OdometryError(drift=0.5), driven(told([0.5, 4.0], [0.75, 5.0])))
-    assert verdict == Verdict(
-        True,
-        0.25,
-        0.5,
-        0.25,
-        "",
-        0.5,
-        "odometry was off by 25 % of the distance travelled at 0.50 s, the largest error; limit 50 %",
-    )
+    message = "odometry was off by 25 % of the distance travelled at 0.50 s, the largest error; limit 50 %"
+    assert verdict == Verdict(True, 0.25, 0.5, 0.25, "", 0.5, message)
     failed = judged(OdometryError(drift=0.125), AHEAD)
     assert failed.message == "odometry was off by 25 % of the distance travelled at 2.00 s, more than 12.5 %"
 
@@ -118,6 +104,9 @@ def test_the_reading_at_the_start_is_no_evidence() -> None:
     assert monitor(OdometryError(position=0.75)).observe(AHEAD).verdict().judged == Judged(3, 1.0, 3.0)
 
 
+MISSPELT = "the scenario has no sensor 'odometry'; did you mean 'odometri'? (allowed: odometri)"
+
+
 def test_it_asks_for_its_sensor() -> None:
     assert OdometryError(yaw=0.1, name="wheels").channels == Channels(sensors=frozenset({"wheels"}))
 
@@ -128,10 +117,7 @@ def test_it_asks_for_its_sensor() -> None:
         ({"odometry": "odometry"}, None),
         ({"scan": "lidar"}, "the scenario has no odometry; add it to sensors, such as sensors: [odometry]"),
         ({"odometry": "imu", "wheels": "odometry"}, "'odometry' is not odometry but 'imu' (allowed: wheels)"),
-        (
-            {"odometri": "odometry"},
-            "the scenario has no sensor 'odometry'; did you mean 'odometri'? (allowed: odometri)",
-        ),
+        ({"odometri": "odometry"}, MISSPELT),
     ],
 )
 def test_a_sensor_that_is_not_there_is_told(kinds: dict[str, str], problem: str | None) -> None:

@@ -18,16 +18,13 @@ from tests.traces import START, expectation, judged, monitor, scenario, scene, t
 PAST = trace([1.0, 2.0, 3.0], x=[0.0, 1.75, 3.0], z=[0.5, 0.5, 0.5], yaw=[0.0, 0.5, 1.0])
 
 
-def test_a_point_is_reached_within_its_tolerance() -> None:
-    assert judged(Reach(x=2.0, y=0.0, tolerance=0.5), PAST) == Verdict(
-        True, 0.25, 0.5, 0.25, "m", 2.0, "came within 0.25 m of (2, 0) in 2.00 s"
-    )
-
-
-def test_a_point_that_is_missed_says_how_near_and_when() -> None:
-    assert judged(Reach(x=2.0, y=0.0, tolerance=0.125), PAST) == Verdict(
-        False, 0.25, 0.125, -0.125, "m", 2.0, "came no closer than 0.25 m to (2, 0) in 3.0 s; closest at 2.00 s"
-    )
+def test_a_point_is_reached_within_its_tolerance_or_missed_by_how_much_and_when() -> None:
+    message = "came within 0.25 m of (2, 0) in 2.00 s"
+    verdict = judged(Reach(x=2.0, y=0.0, tolerance=0.5), PAST)
+    assert verdict == Verdict(True, 0.25, 0.5, 0.25, "m", 2.0, message)
+    message = "came no closer than 0.25 m to (2, 0) in 3.0 s; closest at 2.00 s"
+    verdict = judged(Reach(x=2.0, y=0.0, tolerance=0.125), PAST)
+    assert verdict == Verdict(False, 0.25, 0.125, -0.125, "m", 2.0, message)
 
 
 def test_height_counts_if_it_is_asked_for() -> None:
@@ -44,39 +41,31 @@ def test_a_heading_must_be_right_at_the_same_moment() -> None:
     assert verdict.margin is not None
     # The heading is off by 0.5 rad where 5 degrees are allowed: as a part of the tolerance of 5 cm.
     assert verdict.margin == pytest.approx((math.radians(5) - 0.5) * 0.05 / math.radians(5))
-    assert verdict.message == (
-        "came no closer than 0 m to (1.75, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
-    )
+    message = "came no closer than 0 m to (1.75, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
+    assert verdict.message == message
 
 
 def test_headings_are_compared_the_short_way_round() -> None:
     turned = trace([1.0], yaw=[math.pi - 0.01])
     assert judged(Reach(x=0.0, y=0.0, yaw=-math.pi + 0.01), turned).passed
-
-
-def test_the_first_moment_that_is_right_counts() -> None:
+    # The first moment that is right counts.
     twice = trace([1.0, 2.0], x=[1.04, 1.0])
     assert judged(Reach(x=1.0, y=0.0), twice).time == 1.0
 
 
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
-    verdict = judged(Reach(x=0.0, y=0.0), trace([1.0], x=[0.050001]))
-    assert verdict.message.startswith("came no closer than 0.050001 m to ")
+    missed = trace([1.0], x=[0.050001])
+    assert judged(Reach(x=0.0, y=0.0), missed).message.startswith("came no closer than 0.050001 m to ")
+    assert "ended 0.050001 m from" in judged(FinalPose(x=0.0), missed).message
 
 
-def test_the_last_moment_is_judged() -> None:
-    assert judged(FinalPose(x=2.75, y=0.0, tolerance=0.5), PAST) == Verdict(
-        True, 0.25, 0.5, 0.25, "m", 3.0, "ended 0.25 m from (2.75, 0) at 3.00 s"
-    )
-
-
-def test_a_place_that_was_passed_is_missed() -> None:
-    assert judged(FinalPose(x=1.75, y=0.0, tolerance=0.25), PAST) == Verdict(
-        False, 1.25, 0.25, -1.0, "m", 3.0, "ended 1.25 m from (1.75, 0) at 3.00 s; it was within tolerance at 2.00 s"
-    )
-
-
-def test_a_place_that_was_never_reached_says_when_it_was_nearest() -> None:
+def test_the_last_moment_is_judged_and_says_when_it_was_there_or_nearest() -> None:
+    message = "ended 0.25 m from (2.75, 0) at 3.00 s"
+    verdict = judged(FinalPose(x=2.75, y=0.0, tolerance=0.5), PAST)
+    assert verdict == Verdict(True, 0.25, 0.5, 0.25, "m", 3.0, message)
+    message = "ended 1.25 m from (1.75, 0) at 3.00 s; it was within tolerance at 2.00 s"
+    verdict = judged(FinalPose(x=1.75, y=0.0, tolerance=0.25), PAST)
+    assert verdict == Verdict(False, 1.25, 0.25, -1.0, "m", 3.0, message)
     assert judged(FinalPose(x=1.5, y=0.0), PAST).message.endswith("; it was closest at 2.00 s")
     assert judged(FinalPose(x=4.0, y=0.0), PAST).message == "ended 1 m from (4, 0) at 3.00 s"
 
@@ -119,10 +108,6 @@ def test_it_neither_ends_a_run_nor_keeps_it_going() -> None:
 def test_before_says_when_it_is_judged() -> None:
     seen = Window(monitor(FinalPose(x=1.75)), before=2.0).observe(PAST)
     assert (seen.verdict().passed, seen.verdict().time) == (True, 2.0)
-
-
-def test_an_end_that_misses_by_a_hair_is_told_apart_from_the_tolerance() -> None:
-    assert "ended 0.050001 m from" in judged(FinalPose(x=0.0), trace([1.0], x=[0.050001])).message
 
 
 def test_the_start_orientation_of_a_link_turns_before_the_orientation_asked_for() -> None:

@@ -34,16 +34,11 @@ def least(**bounds: Any) -> SensorReading:
     return SensorReading(name="s", reading="ranges", which="min", **bounds)
 
 
-def test_the_reading_nearest_to_its_bound_speaks_if_all_hold() -> None:
-    assert judged(least(at_least=0.25), SCANS) == Verdict(
-        True, 0.5, 0.25, 0.25, "m", 1.0, "min of s's ranges was 0.5 m at 1.00 s, lowest; at least 0.25 m"
-    )
-
-
-def test_the_first_reading_beyond_its_bound_speaks() -> None:
-    assert judged(least(at_least=1.0, at_most=9.0), SCANS) == Verdict(
-        False, 0.5, 1.0, -0.5, "m", 1.0, "min of s's ranges was 0.5 m at 1.00 s, less than 1 m"
-    )
+def test_the_first_reading_beyond_its_bound_speaks_or_the_nearest_to_it_if_all_hold() -> None:
+    message = "min of s's ranges was 0.5 m at 1.00 s, lowest; at least 0.25 m"
+    assert judged(least(at_least=0.25), SCANS) == Verdict(True, 0.5, 0.25, 0.25, "m", 1.0, message)
+    message = "min of s's ranges was 0.5 m at 1.00 s, less than 1 m"
+    assert judged(least(at_least=1.0, at_most=9.0), SCANS) == Verdict(False, 0.5, 1.0, -0.5, "m", 1.0, message)
     assert judged(least(at_least=0.25, at_most=1.0), SCANS).message.endswith("was 2 m at 0.00 s, more than 1 m")
 
 
@@ -85,15 +80,12 @@ def test_what_is_out_of_range_is_far_away_and_what_is_too_near_is_near() -> None
     assert not judged(least(at_most=5).model_copy(update={"which": "mean"}), empty).passed
 
 
-def test_what_was_not_read_is_not_exercised() -> None:
+def test_what_was_not_read_is_not_exercised_so_it_asks_for_its_sensor() -> None:
+    assert least(at_least=1).channels == Channels(sensors=frozenset({"s"}))
     for once in (False, True):
         verdict = monitor(least(at_least=0.25, once=once)).observe(trace([1.0])).verdict()
         assert verdict.judged == Judged()
         assert verdict.message == "s gave no reading in this time; raise its 'rate', or check for longer"
-
-
-def test_it_asks_for_its_sensor() -> None:
-    assert least(at_least=1).channels == Channels(sensors=frozenset({"s"}))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -29,50 +28,30 @@ def test_it_says_since_when_it_rests() -> None:
     assert judged(settled(), SLOWING) == Verdict(True, 1.0, 1.0, 0.0, "s", 5.0, "at rest from 4.00 s on, for 1 s")
 
 
-def test_both_speeds_must_be_slow_at_once() -> None:
+def test_both_speeds_must_be_slow_at_once_and_an_interruption_of_one_step_begins_it_anew() -> None:
     assert judged(settled(speed=0.25), SLOWING).time == 5.0
     assert judged(settled(speed=0.25, turn_rate=1.0), SLOWING).time == 3.0
-
-
-def test_a_rest_that_is_too_short_says_how_long_it_was_and_what_moves() -> None:
-    again = trace([1.0, 2.0, 3.0, 4.0], speed=[0.0, 0.0, 0.5, 0.5])
-    assert judged(settled(**{"for": "1.5 s"}), again) == Verdict(
-        False,
-        1.0,
-        1.5,
-        -0.5,
-        "s",
-        2.0,
-        "at rest for 1 s of 1.5 s, from 1.00 s on; at 4.00 s the base moved with 0.5 m/s",
-    )
-
-
-def test_a_rest_that_would_have_gone_on_says_so() -> None:
-    assert judged(settled(**{"for": "3 s"}), SLOWING).message == (
-        "at rest for 1 s of 3 s, from 4.00 s on; at 5.00 s it still was"
-    )
-
-
-def test_what_never_rests_says_what_moves_most_as_a_part_of_its_limit() -> None:
-    spinning = trace([1.0, 2.0], speed=[0.1, 0.1], turn_rate=[1.0, 1.0])
-    assert judged(settled(), spinning).message == "at rest for 0 s of 1 s; at 2.00 s the base turned with 57.3 deg/s"
-
-
-def test_an_interruption_of_one_step_begins_it_anew() -> None:
     bounced = trace([1.0, 1.5, 2.0, 2.5], speed=[0.0, 0.5, 0.0, 0.0])
     assert judged(settled(), bounced).measured == 0.5
 
 
-def test_joints_count_if_asked_for() -> None:
+def test_a_rest_that_is_too_short_says_how_long_it_was_and_what_moves() -> None:
+    again = trace([1.0, 2.0, 3.0, 4.0], speed=[0.0, 0.0, 0.5, 0.5])
+    message = "at rest for 1 s of 1.5 s, from 1.00 s on; at 4.00 s the base moved with 0.5 m/s"
+    assert judged(settled(**{"for": "1.5 s"}), again) == Verdict(False, 1.0, 1.5, -0.5, "s", 2.0, message)
+    message = "at rest for 1 s of 3 s, from 4.00 s on; at 5.00 s it still was"
+    assert judged(settled(**{"for": "3 s"}), SLOWING).message == message
+    # What never rests says what moves most as a part of its limit.
+    spinning = trace([1.0, 2.0], speed=[0.1, 0.1], turn_rate=[1.0, 1.0])
+    assert judged(settled(), spinning).message == "at rest for 0 s of 1 s; at 2.00 s the base turned with 57.3 deg/s"
+
+
+def test_joints_count_if_asked_for_and_those_of_a_bolted_robot_by_themselves() -> None:
     turning = trace([1.0, 2.0, 3.0], velocity=[-1.0, -1.0, -1.0])
     assert judged(settled(), turning).passed
     verdict = judged(settled(joints=True), turning)
     assert verdict.message == "at rest for 0 s of 1 s; at 3.00 s wheel_left_joint moved with 57.3 deg/s"
-
-
-def test_joints_of_a_bolted_robot_count_by_themselves() -> None:
-    bolted = dataclasses.replace(scene(), robot=DrivenRobot(model=BURGER, base="fixed"))
-    turning = trace([1.0, 2.0, 3.0], velocity=[1.0, 1.0, 1.0])
+    bolted = replace(scene(), robot=DrivenRobot(model=BURGER, base="fixed"))
     assert not settled().monitor(bolted, START).observe(turning).verdict().passed
     assert settled(joints=False).monitor(bolted, START).observe(turning).verdict().passed
 
@@ -100,29 +79,18 @@ def seen(gaps: Sequence[float], speeds: Sequence[float], contacts: Sequence[Cont
 
 
 def test_it_says_where_and_since_when_it_rests() -> None:
-    assert judged(stops(), seen([2.0, 0.75, 0.375, 0.375], [1.0, 1.0, 0.0, 0.0])) == Verdict(
-        True, 0.375, 0.25, 0.125, "m", 4.0, "at rest 0.375 m before wall from 3.00 s on"
-    )
-
-
-def test_the_bound_that_is_nearer_is_the_limit() -> None:
+    message = "at rest 0.375 m before wall from 3.00 s on"
+    verdict = judged(stops(), seen([2.0, 0.75, 0.375, 0.375], [1.0, 1.0, 0.0, 0.0]))
+    assert verdict == Verdict(True, 0.375, 0.25, 0.125, "m", 4.0, message)
+    # The bound that is nearer is the limit.
     verdict = judged(stops(), seen([0.4375, 0.4375], [0.0, 0.0]))
     assert (verdict.limit, verdict.margin) == (0.5, 0.0625)
 
 
-def test_a_robot_that_stops_too_early_says_how_near_it_came() -> None:
-    assert judged(stops(), seen([2.0, 0.75, 0.75], [1.0, 0.0, 0.0])) == Verdict(
-        False,
-        0.75,
-        0.5,
-        -0.25,
-        "m",
-        3.0,
-        "at 3.00 s it was at rest, more than 0.5 m before wall; closest was 0.75 m at 2.00 s",
-    )
-
-
-def test_a_robot_that_stops_too_late_says_how_near_it_is() -> None:
+def test_a_robot_that_stops_too_early_or_too_late_says_how_near_it_came() -> None:
+    message = "at 3.00 s it was at rest, more than 0.5 m before wall; closest was 0.75 m at 2.00 s"
+    verdict = judged(stops(), seen([2.0, 0.75, 0.75], [1.0, 0.0, 0.0]))
+    assert verdict == Verdict(False, 0.75, 0.5, -0.25, "m", 3.0, message)
     verdict = judged(stops(), seen([0.5, 0.125, 0.125], [1.0, 0.0, 0.0]))
     assert (verdict.measured, verdict.limit, verdict.margin) == (0.125, 0.25, -0.125)
     assert verdict.message == "at 3.00 s it was at rest, 0.125 m before wall, less than 0.25 m"
@@ -131,9 +99,8 @@ def test_a_robot_that_stops_too_late_says_how_near_it_is() -> None:
 def test_a_robot_that_drives_by_does_not_stop() -> None:
     verdict = judged(stops(), seen([0.75, 0.375, 0.75], [1.0, 1.0, 1.0]))
     assert (verdict.passed, verdict.margin) == (False, 0.0)
-    assert verdict.message == (
-        "at 3.00 s it was moving with 1 m/s, more than 0.5 m before wall; closest was 0.375 m at 2.00 s"
-    )
+    message = "at 3.00 s it was moving with 1 m/s, more than 0.5 m before wall; closest was 0.375 m at 2.00 s"
+    assert verdict.message == message
 
 
 def test_a_rest_that_is_too_short_says_how_long_it_was() -> None:

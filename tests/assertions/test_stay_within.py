@@ -26,11 +26,8 @@ def test_the_face_that_was_passed_first_speaks_though_another_was_passed_by_more
     assert (verdict.time, verdict.limit) == (2.0, 0.75)
 
 
-def test_a_face_belongs_to_the_box() -> None:
+def test_a_face_belongs_to_the_box_and_an_axis_left_out_is_free() -> None:
     assert judged(StayWithin(x=(0.5, 1.5)), CURVE).margin == 0.0
-
-
-def test_an_axis_left_out_is_free() -> None:
     assert judged(StayWithin(z=(-0.1, 0.1)), CURVE).passed
 
 

@@ -30,19 +30,13 @@ def test_the_first_moment_beyond_the_limit_breaks_it() -> None:
     assert verdict.message == "tilted by 15 deg at 2.00 s, more than 10 deg"
 
 
-def test_turning_on_the_spot_is_no_tilt() -> None:
+def test_turning_on_the_spot_is_no_tilt_and_lying_on_the_back_one_of_half_a_turn() -> None:
     assert judged(Upright(), trace([1.0], yaw=[3.0])).measured == pytest.approx(0.0, abs=1e-7)
-
-
-def test_lying_on_the_back_is_a_tilt_of_half_a_turn() -> None:
     assert judged(Upright(), trace([1.0], roll=[math.pi])).measured == pytest.approx(math.pi)
 
 
-def test_the_default_is_20_degrees() -> None:
-    assert Upright().title == "upright within 20 deg"
-
-
 @pytest.mark.parametrize("tilt", [0, "-5 deg", "5 m"])
-def test_a_limit_is_an_angle_greater_than_zero(tilt: object) -> None:
+def test_a_limit_is_an_angle_greater_than_zero_20_degrees_by_default(tilt: object) -> None:
+    assert Upright().title == "upright within 20 deg"
     with pytest.raises(ValidationError):
         Upright.model_validate({"max_tilt": tilt})

@@ -97,6 +97,9 @@ def test_it_judges_the_whole_run_however_it_is_cut(tmp_path: Path) -> None:
         assert fold.verdict() == expected
         assert {type(value) for value in (fold.verdict().measured, fold.verdict().time)} == {float}
         assert type(fold.verdict().passed) is bool
+    # No moment is no pass.
+    verdict = monitor.observe(trace([])).verdict()
+    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 @pytest.mark.parametrize(
@@ -130,11 +133,6 @@ def test_the_panel_finds_the_moment_by_asking_about_shorter_runs(tmp_path: Path)
     assert (verdict.passed, verdict.time) == (False, 2.0)
 
 
-def test_no_moment_is_no_pass(tmp_path: Path) -> None:
-    verdict = opened(tmp_path, SLOW.format(kind="end")).observe(trace([])).verdict()
-    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
-
-
 @pytest.mark.parametrize("kind", ["end", "invariant", "goal"])
 def test_what_never_judged_is_not_exercised(tmp_path: Path, kind: str) -> None:
     text = judging("pass").replace("def judge", f"kind = {kind!r}\n\n    def judge")
@@ -145,20 +143,15 @@ def test_what_never_judged_is_not_exercised(tmp_path: Path, kind: str) -> None:
 
 
 def test_what_has_nothing_to_judge_at_first_is_judged_later(tmp_path: Path) -> None:
-    text = judging("return sim.Verdict(True) if len(trace) > 2 else None").replace(
-        "def judge", "kind = 'goal'\n\n    def judge"
-    )
-    waiting = opened(tmp_path, text).observe(ride().first(2))
+    text = judging("return sim.Verdict(True) if len(trace) > 2 else None")
+    waiting = opened(tmp_path, text.replace("def judge", "kind = 'goal'\n\n    def judge")).observe(ride().first(2))
     assert waiting.state is State.PENDING
     assert waiting.observe(ride().rows(slice(2, None))).state is State.HOLDS
 
 
-def test_a_verdict_needs_no_more_than_whether_it_passed(tmp_path: Path) -> None:
+def test_a_verdict_needs_no_more_than_whether_it_passed_and_a_message_is_one_printable_line(tmp_path: Path) -> None:
     text = judging("return sim.Verdict(bool(trace.time[-1] > 3))")
     assert opened(tmp_path, text).observe(ride()).verdict() == Verdict(passed=True, message="holds")
-
-
-def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
     text = judging(r"return sim.Verdict(False, message='a\n::error::b\x1b[31m')")
     assert opened(tmp_path, text).observe(ride()).verdict().message.isprintable()
 
@@ -212,8 +205,10 @@ def test_what_cannot_be_made(tmp_path: Path, text: str, message: str) -> None:
     assert message in str(refusal(tmp_path, text))
 
 
-def test_a_setting_that_it_does_not_take(tmp_path: Path) -> None:
+def test_a_setting_that_it_does_not_take_is_told_and_lists_among_them_are_lists(tmp_path: Path) -> None:
     assert "unexpected keyword argument 'limt'" in str(refusal(tmp_path, SLOW.format(kind="end"), limt=3))
+    text = "class Slow:\n    def __init__(self, x): assert x == [1, {'a': [2]}], x\n    def judge(self, trace): ...\n"
+    opened(tmp_path, text, x=(1, {"a": (2,)}))
 
 
 def test_a_setting_is_compared_with_the_signature_before_the_run(tmp_path: Path) -> None:
@@ -227,11 +222,6 @@ def test_a_setting_is_compared_with_the_signature_before_the_run(tmp_path: Path)
     text = "class Slow:\n    def __init__(self, limit): ...\n    def judge(self, trace): ...\n"
     found = list(written(tmp_path, text).file_problems(Workspace(tmp_path, tmp_path)))
     assert found == [((), "checks.py:2: class 'Slow' requires 'limit'; add it to 'with'")]
-
-
-def test_lists_among_the_settings_are_lists(tmp_path: Path) -> None:
-    text = "class Slow:\n    def __init__(self, x): assert x == [1, {'a': [2]}], x\n    def judge(self, trace): ...\n"
-    opened(tmp_path, text, x=(1, {"a": (2,)}))
 
 
 def test_it_is_read_and_not_run_before(tmp_path: Path) -> None:
@@ -264,9 +254,8 @@ def test_a_name_without_file_or_class(name: str) -> None:
 
 
 MOMENTS = 40
-SEEN = trace(
-    [float(n) for n in range(MOMENTS)], x=[float(n) for n in range(MOMENTS)], contacts=[contact(3.0), contact(30.0)]
-)
+COUNTED = [float(n) for n in range(MOMENTS)]
+SEEN = trace(COUNTED, x=COUNTED, contacts=[contact(3.0), contact(30.0)])
 
 
 def grown(cuts: list[int], history: History | None = None) -> list[History]:

@@ -65,27 +65,18 @@ SEEN = trace([1.0, 2.0, 3.0], speed=[0.5, 1.5, 1.0], turn_rate=[1.0, 2.0, 8.0])
 
 
 def limits(speed: float, turn_rate: float) -> AllLimits:
-    return AllLimits(
-        (
-            SignalMonitor("speed", lambda seen: seen.speed, Bounds("moved with", "m/s", None, speed)),
-            SignalMonitor("turn rate", lambda seen: seen.turn_rate, Bounds("turned with", "rad/s", None, turn_rate)),
-        )
-    )
+    moved, turned = Bounds("moved with", "m/s", None, speed), Bounds("turned with", "rad/s", None, turn_rate)
+    linear = SignalMonitor("speed", lambda seen: seen.speed, moved)
+    return AllLimits((linear, SignalMonitor("turn rate", lambda seen: seen.turn_rate, turned)))
 
 
-def test_the_one_that_was_come_nearest_to_as_a_part_of_it_speaks() -> None:
-    assert limits(2.0, 9.0).observe(SEEN).verdict().message.startswith("turned")
-    assert limits(2.0, 80.0).observe(SEEN).verdict().message.startswith("moved")
-
-
-def test_the_one_that_was_broken_first_speaks() -> None:
-    broken = limits(1.0, 7.0).observe(SEEN)
-    assert (broken.state, broken.verdict().time, broken.verdict().unit) == (State.BROKEN, 2.0, "m/s")
-
-
-def test_all_must_hold() -> None:
+def test_all_must_hold_and_the_one_that_was_come_nearest_to_or_was_broken_first_speaks() -> None:
     assert limits(2.0, 9.0).observe(SEEN).state is State.HOLDS
     assert limits(2.0, 7.0).observe(SEEN).state is State.BROKEN
+    assert limits(2.0, 9.0).observe(SEEN).verdict().message.startswith("turned")
+    assert limits(2.0, 80.0).observe(SEEN).verdict().message.startswith("moved")
+    broken = limits(1.0, 7.0).observe(SEEN)
+    assert (broken.state, broken.verdict().time, broken.verdict().unit) == (State.BROKEN, 2.0, "m/s")
 
 
 MOMENT = trace([1.0, 2.0, 3.0], x=[0.5, 1.5, 1.0], speed=[10.0, 15.0, 19.0])
@@ -96,19 +87,13 @@ SPEED = Interval("speed", "m/s", 0.0, 20.0, lambda seen: seen.speed)
 def test_margins_are_compared_as_parts_of_their_scales() -> None:
     assert IntervalsMonitor((*PLACE.sides(), *SPEED.sides())).observe(MOMENT).verdict().unit == "m"
     scaled = IntervalsMonitor((*PLACE.sides(2.0), *SPEED.sides(20.0))).observe(MOMENT).verdict()
-    assert (scaled.margin, scaled.message) == (
-        1.0,
-        "stayed within bounds; closest to speed = 20 m/s with speed = 19 m/s at 3.00 s",
-    )
-
-
-def test_a_bound_that_is_passed_breaks_it() -> None:
+    assert scaled.margin == 1.0
+    assert scaled.message == "stayed within bounds; closest to speed = 20 m/s with speed = 19 m/s at 3.00 s"
+    # A bound that is passed breaks it.
     narrow = Interval("x", "m", 0.75, 2.0, PLACE.signal)
     monitor = IntervalsMonitor(tuple(narrow.sides())).observe(MOMENT)
-    assert (monitor.state, monitor.verdict().message) == (
-        State.BROKEN,
-        "crossed the bound x = 0.75 m: x = 0.5 m at 1.00 s",
-    )
+    assert monitor.state is State.BROKEN
+    assert monitor.verdict().message == "crossed the bound x = 0.75 m: x = 0.5 m at 1.00 s"
 
 
 @pytest.mark.parametrize(("at_most", "reads"), [(None, 2), (2.0, 3)])
@@ -165,9 +150,7 @@ def test_what_is_decided_stays_decided() -> None:
     assert met.observe(TIME, margins(9, 9, 9, 9)) is met
     broken = Invariant().observe(TIME, margins(-1, 1, 1, 1))
     assert broken.observe(TIME, margins(-9, -9, -9, -9)) is broken
-
-
-def test_no_moments_change_nothing() -> None:
+    # No moments change nothing.
     goal, invariant = Goal(), Invariant()
     assert goal.observe(TIME[:0], margins()) is goal
     assert invariant.observe(TIME[:0], margins()) is invariant
@@ -207,11 +190,8 @@ def test_a_heading_counts_as_a_part_of_its_tolerance() -> None:
     seen = turned.observe(DISTANCE_TIME, np.array([0.0, 0.25, 2.0]), np.array([1.0, 0.5, 0.0]))
     # Twice the angle that is allowed, at the second moment, is the least of what is too much.
     assert (seen.goal.margin, seen.distance, seen.angle_error, seen.goal.time) == (-0.5, 0.25, 0.5, 2.0)
-    assert seen.verdict().message == (
-        "came no closer than 0.25 m to (2, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
-    )
-
-
-def test_without_a_moment_nothing_came_near() -> None:
+    message = "came no closer than 0.25 m to (2, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
+    assert seen.verdict().message == message
+    # Without a moment, nothing came near.
     assert ELBOW.observe(DISTANCE_TIME[:0], DISTANCE_TIME[:0]) is ELBOW
     assert ELBOW.verdict().message == "no physics step to measure"

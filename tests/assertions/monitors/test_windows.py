@@ -29,6 +29,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ClearanceRecord, ClearanceWatch, Nearness, SensorRecord
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.physics import Disturbance
+from sim_action.world.scene import Scene
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, monitor, piece, scene, trace
 from tests.work import work_of
@@ -45,39 +46,27 @@ def ride() -> Trace:
     return trace([1.0, 2.0, 3.0, 4.0], x=[1.0, 2.0, 3.0, 1.0])
 
 
-def test_an_open_window_lets_everything_through() -> None:
+def test_a_goal_counts_in_its_window_both_ends_of_which_belong_to_it() -> None:
     told = window(FAR).observe(ride()).verdict()
     assert replace(told, judged=None) == monitor(FAR).observe(ride()).verdict()
-
-
-def test_a_goal_counts_from_after_on() -> None:
     assert window(FAR, after=2.5).observe(ride()).verdict().time == 3.0
-
-
-def test_both_ends_belong_to_the_window() -> None:
     assert window(FAR, after=2.0, before=2.0).observe(ride()).verdict().time == 2.0
-
-
-def test_a_goal_that_comes_true_late_is_lost() -> None:
+    assert window(FAR, before=2.0).observe(ride()).state is State.HOLDS
+    # A goal that comes true late is lost.
     late = window(FAR, before=1.5).observe(ride())
     assert late.state is State.BROKEN
     assert late.verdict().message == "travelled 1 m of 2 m in 1.0 s"
 
 
-def test_a_goal_is_pending_until_its_window_closes() -> None:
+def test_a_goal_is_pending_until_its_window_closes_with_the_moment_it_ends_at() -> None:
     early = window(FAR, before=2.5).observe(ride().first(1))
     assert early.state is State.PENDING
     assert not early.over
-
-
-def test_a_window_closes_with_the_moment_it_ends_at() -> None:
     slow = window(Travel(at_least=5.0), before=2.0)
     assert slow.observe(ride().first(1)).state is State.PENDING
     assert slow.observe(ride().first(2)).state is State.BROKEN
-
-
-def test_a_goal_met_in_time_stays_met_after_its_window() -> None:
-    assert window(FAR, before=2.0).observe(ride()).state is State.HOLDS
+    # However that was computed.
+    assert window(FAR, before=0.1 + 0.2).observe(trace([0.3])).state is State.BROKEN
 
 
 def test_an_invariant_may_be_broken_outside_its_window() -> None:
@@ -86,13 +75,10 @@ def test_an_invariant_may_be_broken_outside_its_window() -> None:
     assert window(NEAR, after=2.5).observe(ride()).state is State.BROKEN
 
 
-def test_contacts_count_inside_the_window_only() -> None:
+def test_contacts_count_inside_the_window_only_also_between_two_stored_moments() -> None:
     touched = trace([1.0, 2.0, 3.0], contacts=[contact(1.0), contact(3.0)])
     assert window(NoCollision(), after=2.0, before=2.5).observe(touched).verdict().passed
     assert window(NoCollision(), after=2.0).observe(touched).verdict().time == 3.0
-
-
-def test_a_contact_between_two_stored_moments_is_seen() -> None:
     touched = trace([1.0, 2.0], contacts=[contact(1.5)])
     assert window(NoCollision(), after=1.25, before=1.75).observe(touched).verdict().time == 1.5
 
@@ -101,16 +87,9 @@ def test_an_over_window_sees_nothing_more() -> None:
     over = window(NEAR, before=1.0).observe(ride().first(1))
     assert over.over
     assert over.observe(ride()) is over
-
-
-@pytest.mark.parametrize("moments", [trace([]), trace([0.5])])
-def test_before_its_window_a_monitor_has_seen_nothing(moments: Trace) -> None:
-    waiting = window(NEAR, after=1.0).observe(moments)
-    assert waiting.verdict().time is None
-
-
-def test_a_window_closes_with_the_moment_it_ends_at_however_that_was_computed() -> None:
-    assert window(FAR, before=0.1 + 0.2).observe(trace([0.3])).state is State.BROKEN
+    # Before its window, a monitor has seen nothing.
+    for moments in (trace([]), trace([0.5])):
+        assert window(NEAR, after=1.0).observe(moments).verdict().time is None
 
 
 def test_a_window_adds_little_to_the_work_inside_of_it() -> None:
@@ -132,9 +111,8 @@ def seen_at(step: int) -> Trace:
     told = [float(n >= step) for n in range(RATE)]
     readings = SensorRecord("contact", np.arange(RATE) / RATE, {"touching": np.array(told), "force": np.array(told)})
     nearest = ClearanceRecord.of([Nearness(time, 0.1, "base_footprint", "wall")])
-    return replace(
-        trace(STEPS, x=way, contacts=[contact(time)]), sensors={"s": readings}, clearances={ClearanceWatch(): nearest}
-    )
+    moving = trace(STEPS, x=way, contacts=[contact(time)])
+    return replace(moving, sensors={"s": readings}, clearances={ClearanceWatch(): nearest})
 
 
 LOOKS = {
@@ -166,16 +144,13 @@ def test_the_ends_of_a_window_are_the_same_however_the_run_is_cut(look: str, cut
         assert not broken(look, 167, cut, after=AT)
 
 
-def test_the_steps_inside_the_window_are_counted() -> None:
+def test_the_steps_inside_the_window_are_counted_and_one_that_never_opened_was_not_exercised() -> None:
     told = window(NEAR, after=1.5, before=3.0).observe(ride().first(2)).observe(ride().rows(slice(2, 4))).verdict()
     assert told.judged == Judged(2, 2.0, 3.0)
-
-
-def test_a_window_that_never_opened_was_not_exercised() -> None:
     for assertion in (NEAR, FAR, NoCollision()):
         told = window(assertion, after=5.0).observe(ride()).verdict()
         assert told.status == "not_exercised"
-        assert told.message == ("never checked: the run ended before 5 s (after); run for longer, or lower 'after'")
+        assert told.message == "never checked: the run ended before 5 s (after); run for longer, or lower 'after'"
 
 
 HOLD_TIME = np.arange(1.0, 9.0)
@@ -194,16 +169,10 @@ def test_it_is_met_once_the_stretch_is_long_enough(holds: tuple[int, ...], began
     assert (met.state, met.began, met.goal.time, met.longest) == (State.HOLDS, began, decided, 2.0)
 
 
-def test_the_longest_stretch_is_kept() -> None:
+def test_the_longest_stretch_is_kept_and_one_of_no_time_met_by_the_first_moment() -> None:
     missed = seen(1, 0, 1, 1, 0, 1)
     assert (missed.state, missed.longest, missed.began, missed.since) == (State.PENDING, 1.0, 3.0, 6.0)
-
-
-def test_what_never_was_lasted_for_no_time() -> None:
     assert (HoldTime(2.0).longest, seen(0, 0).longest, seen(0, 0).state) == (0.0, 0.0, State.PENDING)
-
-
-def test_a_stretch_of_no_time_is_met_by_the_first_moment() -> None:
     assert seen(0, 0, duration=0.0).state is State.PENDING
     assert seen(0, 1, duration=0.0).goal.time == 2.0
 
@@ -216,7 +185,7 @@ def test_rounding_of_sim_time_costs_no_step() -> None:
         assert HoldTime(2 / 240).observe(time, holds).goal.time == time[first + 2]
 
 
-HOME = Reach(x=0.0, y=0.0, tolerance=0.1)
+HOME, THERE = Reach(x=0.0, y=0.0, tolerance=0.1), Reach(x=1.0, y=0.0, tolerance=0.1)
 AT_REST = Settled.model_validate({"for": 1.0})
 START_WITH_JOINTS = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))
 DRIVEN, ALONE = replace(scene(), acted_on=True), replace(scene(), acted_on=False)
@@ -247,16 +216,12 @@ def test_a_place_where_the_robot_is_already_does_not_count() -> None:
     )
 
 
-def test_a_robot_that_leaves_and_does_not_come_back_is_told_so() -> None:
+def test_a_goal_that_is_false_at_first_is_judged_as_it_is_and_a_robot_that_leaves_must_come_back() -> None:
     told = verdict(HOME, way(0.0, 0.5, 1.0))
     assert not told.passed
     assert told.message.startswith("was already true at t = 0, and never became true again; came no closer than 0.5 m")
-
-
-def test_a_goal_that_is_false_at_first_is_judged_as_it_is() -> None:
-    there = Reach(x=1.0, y=0.0, tolerance=0.1)
     seen = way(0.0, 0.5, 1.0)
-    assert verdict(there, seen) == there.monitor(DRIVEN, START).observe(seen).verdict()
+    assert verdict(THERE, seen) == THERE.monitor(DRIVEN, START).observe(seen).verdict()
 
 
 def test_leaving_before_the_window_opens_is_enough() -> None:
@@ -338,30 +303,34 @@ def test_without_commands_a_goal_that_comes_true_later_needs_no_time() -> None:
 
 @pytest.mark.parametrize("driven", [True, False])
 def test_for_asks_a_goal_to_hold_without_interruption(driven: bool) -> None:
-    there = Reach(x=1.0, y=0.0, tolerance=0.1)
     bounces = way(0.0, 1.0, 1.0, 0.0, 1.0, 1.0)
-    monitor = opened(there, driven=driven, span=1.0).observe(bounces)
+    monitor = opened(THERE, driven=driven, span=1.0).observe(bounces)
     assert monitor.state is State.PENDING
     told = monitor.verdict()
     assert (told.passed, told.measured, told.limit, told.margin, told.unit) == (False, 0.5, 1.0, -0.5, "s")
     assert told.message == "held for at most 0.5 s of 1 s, from 0.50 s on; came within 0 m of (1, 0) in 0.50 s"
-    told = verdict(there, way(0.0, 1.0, 1.0, 1.0), driven=driven, span=1.0)
+    told = verdict(THERE, way(0.0, 1.0, 1.0, 1.0), driven=driven, span=1.0)
     assert (told.passed, told.time) == (True, 1.5)
     assert told.message == "held for 1 s, from 0.50 s on; came within 0 m of (1, 0) in 0.50 s"
 
 
-def test_a_limit_still_breaks_a_goal_that_may_not_count_yet() -> None:
+def test_a_limit_still_breaks_a_goal_that_may_not_count_yet_but_not_before_its_window() -> None:
     near = JointReading(name=WHEELS[0], at_least=0.0, at_most=1.0)
     monitor = opened(near).observe(trace([0.0, 1.0], position=[0.5, 2.0]))
     assert monitor.state is State.BROKEN
     assert "more than" in monitor.verdict().message
+    seen = trace([0.0, 1.0, 2.0, 3.0], position=[2.0, 2.0, 0.5, 0.5])
+    window = Window(opened(near), 2.0, math.inf).observe(seen)
+    assert (window.state, window.verdict().passed) == (State.HOLDS, True)
 
 
-def test_each_part_of_all_of_must_become_true_by_itself() -> None:
-    there = Reach(x=1.0, y=0.0, tolerance=0.1)
-    both = AllOf(parts=(there, HOME))
+def test_each_part_of_all_of_must_become_true_by_itself_and_conditions_at_once_together() -> None:
+    both = AllOf(parts=(THERE, HOME))
     assert not verdict(both, way(0.0, 0.5, 1.0)).passed
     assert verdict(both, way(0.0, 0.5, 1.0, 0.0)).passed
+    at_once = AtOnce(parts=(HOME, Upright()))
+    assert not verdict(at_once, way(0.0, 0.0, 0.0)).passed
+    assert verdict(at_once, way(0.0, 1.0, 0.0)).passed
 
 
 def test_the_negation_of_a_goal_breaks_at_once_and_that_of_an_invariant_must_become_true() -> None:
@@ -392,12 +361,6 @@ def test_any_of_with_a_sensor_holds_from_one_reading_to_the_next(blocks: tuple[i
         start += length
     told = monitor.verdict()
     assert (told.passed, told.time) == (True, 2.5)
-
-
-def test_conditions_at_once_must_become_true_too() -> None:
-    both = AtOnce(parts=(HOME, Upright()))
-    assert not verdict(both, way(0.0, 0.0, 0.0)).passed
-    assert verdict(both, way(0.0, 1.0, 0.0)).passed
 
 
 NEAR_WALL = Clearance(at_most=0.5, to=("wall",))
@@ -435,18 +398,14 @@ def test_a_distance_that_is_not_measured_at_the_start_was_not_false_then(spec: A
     assert verdict(spec, leaves).passed
 
 
-def test_a_body_that_is_left_for_good_was_measured_all_the_same() -> None:
+def test_a_body_that_is_left_for_good_was_measured_and_one_that_is_met_again_is_near() -> None:
     told = verdict(NEAR_WALL, near(0.3, 0.9, 1.0, 1.1))
     assert told.counted(Judged()).status == "failed"
     assert told.message.startswith("was already true at t = 0, and never became true again")
-
-
-def test_the_least_distance_of_all_is_not_needed_a_second_time() -> None:
+    # The least distance of all is not needed a second time.
     told = verdict(NEAR_WALL, near(0.3, 0.9, 0.9, 0.45))
     assert (told.passed, told.time, told.measured) == (True, 2.0, 0.45)
-
-
-def test_a_body_that_appears_beside_the_robot_was_not_near_before() -> None:
+    # A body that appears beside the robot was not near before.
     assert verdict(NEAR_WALL, near(9.9, 9.9, 0.4)).passed
 
 
@@ -455,9 +414,7 @@ def test_a_touch_before_the_goal_counts_breaks_it_for_good() -> None:
     monitor = opened(BEFORE_WALL).observe(seen)
     assert monitor.state is State.BROKEN
     assert monitor.verdict().message == "base_footprint touched wall at 1.00 s"
-
-
-def test_invariants_are_judged_as_they_are() -> None:
+    # Invariants are judged as they are.
     for spec in (NoCollision(), Travel(at_most=1.0)):
         assert verdict(spec, way(0.0, 0.5)).passed
 
@@ -491,13 +448,6 @@ def test_without_commands_the_time_before_the_window_does_not_count() -> None:
     assert (window.state, window.verdict().passed) == (State.PENDING, False)
     stays = Window(opened(HOME, driven=False), 2.0, math.inf).observe(way(*[0.0] * 7))
     assert (stays.verdict().passed, stays.verdict().time) == (True, 3.0)
-
-
-def test_a_limit_does_not_count_before_the_window() -> None:
-    near = JointReading(name=WHEELS[0], at_least=0.0, at_most=1.0)
-    seen = trace([0.0, 1.0, 2.0, 3.0], position=[2.0, 2.0, 0.5, 0.5])
-    window = Window(opened(near), 2.0, math.inf).observe(seen)
-    assert (window.state, window.verdict().passed) == (State.HOLDS, True)
 
 
 def test_contacts_and_distances_are_not_known_at_t_0() -> None:
@@ -534,16 +484,16 @@ def test_an_explicit_time_counts_from_the_first_disturbance_on() -> None:
 PUSH = Disturbance.model_validate({"at": 1.0, "for": 0.2, "force": (20.0, 0.0, 0.0)})
 
 
-@pytest.mark.parametrize(("angle", "moves"), [(4.9, False), (5.1, True)])
-def test_a_braked_wheel_that_creeps_has_not_moved(angle: float, moves: bool) -> None:
-    position = math.radians(angle)
-    seen = trace([0.0, 1.0, 2.0], position=[0.0, position, position])
-    assert verdict(HOME, seen, span=0.5).passed is moves
+BOLTED = replace(DRIVEN, robot=DRIVEN.robot.model_copy(update={"base": "fixed"}))
 
 
-@pytest.mark.parametrize(("angle", "moves"), [(0.09, False), (0.11, True)])
-def test_a_joint_of_a_bolted_robot_has_moved_from_a_tenth_of_a_degree_on(angle: float, moves: bool) -> None:
-    bolted = replace(DRIVEN, robot=DRIVEN.robot.model_copy(update={"base": "fixed"}))
+@pytest.mark.parametrize(
+    ("where", "angle", "moves"),
+    [(DRIVEN, 4.9, False), (DRIVEN, 5.1, True), (BOLTED, 0.09, False), (BOLTED, 0.11, True)],
+    ids=["it creeps", "it turns", "bolted and still", "bolted and moving"],
+)
+def test_from_which_angle_on_a_joint_has_moved(where: Scene, angle: float, moves: bool) -> None:
+    """A braked wheel that creeps has not moved; a joint of a bolted robot has, from a tenth of a degree on."""
     position = math.radians(angle)
     seen = trace([0.0, 1.0, 2.0], position=[0.0, position, position])
-    assert HOME.opened(bolted, START_WITH_JOINTS, 0.5).observe(seen).verdict().passed is moves
+    assert HOME.opened(where, START_WITH_JOINTS, 0.5).observe(seen).verdict().passed is moves

@@ -46,9 +46,8 @@ SIGNALS = (
 )
 UNITS = ("", "m", "m/s", "rad", "N m", "s")
 
-numbers = st.builds(
-    Number, st.floats(0, 1e6, allow_nan=False).map(lambda value: value + 0.0), st.sampled_from(UNITS)
-)  # without a sign: that is Negative
+# Without a sign: that is Negative.
+numbers = st.builds(Number, st.floats(0, 1e6).map(lambda value: value + 0.0), st.sampled_from(UNITS))
 
 
 def _terms(parts: st.SearchStrategy[Term]) -> st.SearchStrategy[Term]:

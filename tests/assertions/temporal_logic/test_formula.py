@@ -32,11 +32,8 @@ def test_how_far_it_looks_ahead(text: str, seconds: float) -> None:
 def test_its_signals_are_each_there_once() -> None:
     formula = parse("always (x + 2 * abs(-y) < x and effort(arm) < 1) until time > y")
     assert signals_of(formula) == (Signal("x"), Signal("y"), Signal("effort", "arm"), Signal("time"))
-    assert [str(comparison) for comparison in comparisons(formula)] == [
-        "x + 2 * abs(-y) < x",
-        "effort(arm) < 1",
-        "time > y",
-    ]
+    texts = [str(comparison) for comparison in comparisons(formula)]
+    assert texts == ["x + 2 * abs(-y) < x", "effort(arm) < 1", "time > y"]
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,8 @@ def test_the_message_names_the_values_and_their_place(arms: Path) -> None:
         "or objects that move relative to each other; at character 28, the arrow: always (tool.z > 2.2 m and "
         "-> trunk.z < trunk.x) [fixed-base]"
     )
+    # A formula of the base alone needs no model.
+    assert load(arms, scenario("stl: 'always (speed < 1 m/s)'", base="free")).warnings == ()
 
 
 # The shoulder is at (1, 0.1, 2.5) in the world, and at (0.1, 0, 0.5) in the base; the tool is at most 0.5 m from it.
@@ -102,16 +104,10 @@ def test_limits_beyond_the_reach_of_a_link(arms: Path, comparison: str, base: st
     assert len(refused(arms, negated, "unreachable-limit")) == len(problems)
 
 
-def test_a_formula_of_the_base_alone_needs_no_model(arms: Path) -> None:
-    assert load(arms, scenario("stl: 'always (speed < 1 m/s)'", base="free")).warnings == ()
-
-
 def test_bare_numbers_are_found_on_both_sides() -> None:
-    found = list(bare_numbers(parse("always (tilt < 20 and -30 < pitch and yaw + 5 < 90 deg and x < 3 m)")))
-    assert [(each.number, [signal.name for signal in each.signals]) for each in found] == [
-        (20.0, ["tilt"]),
-        (30.0, ["pitch"]),
-    ]
+    numbers = bare_numbers(parse("always (tilt < 20 and -30 < pitch and yaw + 5 < 90 deg and x < 3 m)"))
+    names = [(bare.number, [signal.name for signal in bare.signals]) for bare in numbers]
+    assert names == [(20.0, ["tilt"]), (30.0, ["pitch"])]
 
 
 @pytest.mark.parametrize(

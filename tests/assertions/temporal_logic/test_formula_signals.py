@@ -12,9 +12,8 @@ from sim_action.assertions.temporal_logic.parser import parse
 from tests.traces import burger
 
 MODEL = burger()
-SLIDING = dataclasses.replace(
-    MODEL, joints=tuple(dataclasses.replace(joint, type="prismatic") for joint in MODEL.joints)
-)
+SLIDERS = tuple(dataclasses.replace(joint, type="prismatic") for joint in MODEL.joints)
+SLIDING = dataclasses.replace(MODEL, joints=SLIDERS)
 
 
 @pytest.mark.parametrize(
@@ -57,6 +56,10 @@ def test_every_problem_has_its_place() -> None:
     found = list(dimension_problems(parse(text), MODEL))
     assert [at for at, _ in found] == [text.index("speed"), text.index("tilt")]
     assert found[1][1] == "'tilt * tilt' is in rad^2, '3 s' in s: they cannot be compared"
+    # Joints come first.
+    ((at, message),) = dimension_problems(parse("speed < 1 m and position(elbow) < 1"), MODEL)
+    assert at == 16
+    assert message.startswith("the model has no moving joint 'elbow'")
 
 
 def test_signals_of_links_and_sensors_have_dimensions() -> None:
@@ -68,9 +71,3 @@ def test_signals_of_links_and_sensors_have_dimensions() -> None:
         "'scan.ranges.min' is in m, '1 s' in s: they cannot be compared",
         "'bumper.touching' is in plain numbers, 'x' in m: they cannot be compared",
     ]
-
-
-def test_joints_come_first() -> None:
-    ((at, message),) = dimension_problems(parse("speed < 1 m and position(elbow) < 1"), MODEL)
-    assert at == 16
-    assert message.startswith("the model has no moving joint 'elbow'")

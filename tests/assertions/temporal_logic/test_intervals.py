@@ -90,20 +90,19 @@ def test_parts_that_a_run_can_make_true_or_false(formula: str) -> None:
     assert not list(constants(parse(formula), by_name({})))
 
 
+def _joined(one: st.SearchStrategy[str], words: list[str], other: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.builds("({} {} {})".format, one, st.sampled_from(words), other)
+
+
 _NUMBERS = st.integers(-3, 3).map(str)
 _TERMS = st.recursive(
     st.sampled_from(["x", "y"]) | _NUMBERS,
-    lambda inner: (
-        st.builds("({} {} {})".format, inner, st.sampled_from(["+", "-"]), inner) | st.builds("abs({})".format, inner)
-    ),
+    lambda inner: _joined(inner, ["+", "-"], inner) | inner.map("abs({})".format),
     max_leaves=4,
 )
 _FORMULAS = st.recursive(
-    st.builds("({} {} {})".format, _TERMS.map("x * 0 + {}".format), st.sampled_from(["<", ">"]), _NUMBERS),
-    lambda inner: (
-        st.builds("({} {} {})".format, inner, st.sampled_from(["and", "or", "implies"]), inner)
-        | st.builds("not {}".format, inner)
-    ),
+    _joined(_TERMS.map("x * 0 + {}".format), ["<", ">"], _NUMBERS),
+    lambda inner: _joined(inner, ["and", "or", "implies"], inner) | inner.map("not {}".format),
     max_leaves=5,
 )
 

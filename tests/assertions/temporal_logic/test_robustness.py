@@ -89,15 +89,12 @@ def test_an_example_by_hand() -> None:
     """Speeds at 0, 1, 2, 3 s: the margin to 0.5 is least at 2 s."""
     seen = Samples((Signal("speed"),), np.array([(0, 0.1), (1, 0.4), (2, 0.7), (3, 0.2)], dtype=np.float64))
     assert robustness(parse("always speed < 0.5 m/s"), seen).tolist() == pytest.approx([-0.2, -0.2, -0.2, 0.3])
-    assert robustness(parse("eventually[1 s, 2 s] speed > 0.5 m/s"), seen).tolist() == pytest.approx(
-        [0.2, 0.2, -0.3, -math.inf]
-    )
+    goal = robustness(parse("eventually[1 s, 2 s] speed > 0.5 m/s"), seen).tolist()
+    assert goal == pytest.approx([0.2, 0.2, -0.3, -math.inf])
     found = cause(parse("always speed < 0.5 m/s"), seen)
     assert found is not None
     assert (found.time, found.left, found.right) == (2.0, 0.7, 0.5)
-
-
-def test_arithmetic() -> None:
+    # Arithmetic.
     seen = Samples((X, Y), np.array([(0.0, 1.0, -2.0), (1.0, 3.0, 0.5)]))
     assert robustness(parse("2 * x - abs(y) - 1 < -(x + y) * 0.5"), seen).tolist() == pytest.approx([1.5, -6.25])
 
@@ -138,12 +135,8 @@ def test_until_goes_backwards_one_by_one(pairs: list[tuple[int, int]]) -> None:
         later = max(q, min(p, later))
         expected.append(later)
     assert until(before, then).tolist() == expected[::-1]
-
-
-def test_what_is_given_stays_as_it_was() -> None:
-    before, then = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 0.0])
-    until(before, then)
-    assert (before.tolist(), then.tolist()) == ([1.0, 2.0, 3.0], [3.0, 1.0, 0.0])
+    # The arrays stay as they were.
+    assert list(zip(before.tolist(), then.tolist(), strict=True)) == pairs
 
 
 STEP = 1 / 240
@@ -191,15 +184,12 @@ def test_an_object_is_known_from_when_it_appears() -> None:
     assert verdict.message.startswith("never checked: ball.z, base_scan.z were never all known at a step")
 
 
-def test_a_clearance_is_the_one_that_is_watched() -> None:
+def test_a_clearance_is_the_one_that_is_watched_and_a_force_the_mean_of_contacts_over_50_ms() -> None:
     watch = ClearanceWatch(("base_scan",), ("wall",), always=True)
     record = ClearanceRecord.of([Nearness(time, 0.5 + time, "base_scan", "wall") for time in TIMES[1:]])
     seen = replace(SEEN, clearances={watch: record})
     assert read("clearance(base_scan, wall)", seen) == pytest.approx([0.5 + time for time in TIMES[1:]])
     assert read("clearance", seen) == []
-
-
-def test_a_force_is_the_mean_of_contacts_over_50_ms() -> None:
     touches = (contact(TIMES[1], force=12.0), contact(TIMES[1], force=24.0), contact(TIMES[3], link="base_scan"))
     seen = replace(SEEN, contacts=touches)
     assert read("force(base_footprint, wall)", seen) == pytest.approx([0, 3, 3, 3, 3])
@@ -234,12 +224,8 @@ def judged(text: str, seen: Trace) -> Verdict:
 )
 def test_a_bound_that_is_barely_kept_and_barely_broken(text: str, limit: float) -> None:
     places = [(1.0, 2.0, 3.0 + row) for row in range(5)]
-    seen = replace(
-        SEEN,
-        objects={"ball": body(places)},
-        sensors={"scan": scans(3.0, 1.0, 4.0, 2.0)},
-        contacts=(contact(TIMES[1], force=36.0),),
-    )
+    sensors, contacts = {"scan": scans(3.0, 1.0, 4.0, 2.0)}, (contact(TIMES[1], force=36.0),)
+    seen = replace(SEEN, objects={"ball": body(places)}, sensors=sensors, contacts=contacts)
     for change, passed in ((1e-9, True), (-1e-9, False)):
         whole = judged(text.format(repr(limit + change)), seen)
         assert whole.passed is passed
@@ -281,12 +267,8 @@ def test_unknown_names_have_their_place_and_the_nearest_names(text: str, message
 
 def test_a_name_of_a_link_and_an_object_is_refused() -> None:
     where = scene()
-    both = replace(
-        where,
-        world=where.world.model_copy(
-            update={"objects": (where.world.objects[0].model_copy(update={"name": "base_scan"}),)}
-        ),
-    )
+    namesake = where.world.objects[0].model_copy(update={"name": "base_scan"})
+    both = replace(where, world=where.world.model_copy(update={"objects": (namesake,)}))
     ((_, message),) = Stl(formula="base_scan.z > 1").problems(both)
     assert message.startswith("'base_scan' is a link of the robot and an object; rename the object; at character 1")
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,6 +22,7 @@ from sim_action.assertions.temporal_logic.formula import Always, Eventually, For
 from sim_action.assertions.temporal_logic.monitor import BooleanPart, Outcome, Part
 from sim_action.assertions.temporal_logic.robustness import Samples
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
+from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from tests.assertions.temporal_logic import formulas
@@ -58,9 +58,7 @@ def test_an_invariant_that_holds_says_when_it_was_nearest_to_its_limit() -> None
     verdict = judged(stl("always (speed < 1.25 m/s)"), FAST)
     message = "speed < 1.25 m/s decides: 1 m/s at 3.00 s"
     assert verdict == Verdict(True, 1.0, 1.25, 0.25, "m/s", 3.0, message, judged=Judged(4, 1.0, 4.0))
-
-
-def test_an_invariant_that_is_broken() -> None:
+    # So does one that is broken.
     verdict = judged(stl("always (speed < 0.5 m/s)"), FAST)
     message = "speed < 0.5 m/s decides: 1 m/s at 3.00 s"
     assert verdict == Verdict(False, 1.0, 0.5, -0.5, "m/s", 3.0, message, judged=Judged(4, 1.0, 4.0))
@@ -70,9 +68,7 @@ def test_a_goal_that_is_not_met_says_how_far_it_got() -> None:
     verdict = judged(stl("eventually (travel >= 3 m)"), FAST)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin, verdict.time) == (False, 2.5, 3, -0.5, 4.0)
     assert verdict.message == "travel >= 3 m decides: 2.5 m at 4.00 s"
-
-
-def test_two_signals_are_measured_by_their_difference() -> None:
+    # Two signals are measured by their difference.
     verdict = judged(stl("always (x - y >= 2 * speed * 0.5 s)"), FAST)
     assert (verdict.passed, verdict.measured, verdict.limit, verdict.margin) == (True, 0.0, 0.0, 0.0)
     assert (verdict.unit, verdict.time) == ("m", 1.0)
@@ -89,13 +85,10 @@ def test_joints_angles_and_where_travel_begins() -> None:
 
 
 def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
-    from sim_action.core.geometry import quaternion_from_rpy
-
-    turned = np.array([quaternion_from_rpy(0.3, -0.4, 2.0)])
-    seen = trace([1.0])
-    state = seen.state.copy()
-    state[:, 4:8] = turned
-    seen = Trace(seen.joint_names, state)
+    still = trace([1.0])
+    state = still.state.copy()
+    state[:, 4:8] = quaternion_from_rpy(0.3, -0.4, 2.0)
+    seen = Trace(still.joint_names, state)
     assert judged(stl("roll > 0"), seen).margin == pytest.approx(0.3)
     assert judged(stl("pitch < 0"), seen).margin == pytest.approx(0.4)
     assert judged(stl("yaw > 0"), seen).margin == pytest.approx(2.0)
@@ -184,9 +177,7 @@ def test_nothing_is_needed_after_the_window() -> None:
     opened = Window(monitor(stl("always[0 s, 9 s] (speed < 2)")), 2.0, 3.5)
     assert [opened.observe(FAST.first(count)).needed_until for count in (1, 2, 3, 4)] == [3.5, 3.5, 3.5, 2.0]
     assert Window(monitor(Travel(at_most=9.0))).observe(FAST).needed_until == 0
-
-
-def test_a_window_with_an_end_is_watched_until_it_closes_unless_all_is_decided() -> None:
+    # A window with an end is watched until it closes, unless all is decided.
     limit = Window(monitor(Travel(at_most=9.0)), 0.0, 3.5)
     assert [limit.observe(FAST.first(count)).needed_until for count in (1, 4)] == [3.5, 0.0]
     goal = Window(monitor(Travel(at_least=1.0)), 0.0, 3.5)
@@ -208,6 +199,9 @@ def test_an_interval_that_the_run_never_came_to() -> None:
     assert {always.margin, eventually.margin} == {None}
     missed = "the run ended at 4 s, before the interval [9 s, 10 s] began at 10 s"
     assert always.message == f"never checked: {missed}; run for longer, or move the interval"
+    # No moment is no pass.
+    verdict = judged(stl("always (speed < 1)"), trace([]))
+    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 @pytest.mark.parametrize(
@@ -282,11 +276,6 @@ def test_a_goal_that_is_near_only_at_the_end_of_the_run_has_no_witness() -> None
     assert verdict.status == "failed"
     assert verdict.margin == pytest.approx(math.radians(-38.0))
     assert verdict.judged == Judged(10, 0.1, 1.0)
-
-
-def test_no_moment_is_no_pass() -> None:
-    verdict = judged(stl("always (speed < 1)"), trace([]))
-    assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
 def test_a_window_begins_it_and_cuts_it() -> None:
