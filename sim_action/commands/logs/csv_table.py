@@ -413,7 +413,10 @@ def _unit_problem(column: Column, times: Sequence[float], is_whole: bool) -> str
     """Return the problem of times (N,) in s that are probably in another unit."""
     span, latest = times[-1] - times[0], max(abs(times[0]), abs(times[-1]))
     steps = [later - earlier for earlier, later in pairwise(times) if later > earlier] or [0.0]
-    slow = is_whole and not column.unit and len(steps) + 1 >= _FEW_ROWS and median(steps) >= _SLOW_S
+    is_series = not column.unit and len(steps) + 1 >= _FEW_ROWS
+    if is_series and 0 < span < _SHORT_S:
+        return f"column {shown(column.name)}: the log would last {span:g} s; if its times are in days, convert them to s"
+    slow = is_whole and is_series and median(steps) >= _SLOW_S
     if span <= _MAX_SPAN_S and latest <= _MAX_TIME_S and not slow:
         return None
     scales = [(unit, 10.0 ** _POWERS[unit]) for unit in ("ns", "us", "ms")]
