@@ -415,7 +415,7 @@ def _unit_problem(column: Column, times: Sequence[float], is_whole: bool) -> str
     steps = [later - earlier for earlier, later in pairwise(times) if later > earlier] or [0.0]
     is_series = not column.unit and len(steps) + 1 >= _FEW_ROWS
     if is_series and 0 < span < _SHORT_S:
-        return f"column {shown(column.name)}: the log would last {span:g} s; if its times are in days, convert them to s"
+        return f"column {shown(column.name)}: the log would last {span:g} s; are its times in days? convert them to s"
     slow = is_whole and is_series and median(steps) >= _SLOW_S
     if span <= _MAX_SPAN_S and latest <= _MAX_TIME_S and not slow:
         return None
