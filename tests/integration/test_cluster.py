@@ -20,14 +20,13 @@ import sim_action
 from sim_action.cli.main import call
 from sim_action.runner.cluster import dask_executor
 from sim_action.runner.isolation.process_control import processes
-from tests.integration.conftest import BOX, write
+from tests.integration.conftest import ACTION, BOX, write
 from tests.patience import PATIENCE, wait_until
 from tests.scenarios import driving
 from tests.soak import soaked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it looks for processes in /proc")
-ROOT: Final = Path(__file__).parents[2]
-ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ACTION), "GITHUB_ACTIONS": ""}
 
 SCRIPTED: Final = """\
 name: raises
@@ -168,7 +167,7 @@ def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None
 def dask(*options: str) -> Iterator[None]:
     silent = subprocess.DEVNULL
     command = [sys.executable, "-m", "dask", *options]
-    process = subprocess.Popen(command, cwd=ROOT, env=ENVIRONMENT, stdout=silent, stderr=silent)
+    process = subprocess.Popen(command, cwd=ACTION, env=ENVIRONMENT, stdout=silent, stderr=silent)
     try:
         yield
     finally:

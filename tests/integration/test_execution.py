@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -46,16 +46,14 @@ def script(folder: Path, name: str, body: str, wall_limit: float = 60, before: s
     return scenario(folder, name, f"{{script: {name}.py}}", wall_limit)
 
 
-@dataclass(frozen=True)
-class Run:
-    """Runs scenarios in one of the ways that there are."""
+Run = Callable[..., list[Outcome]]
 
-    way: type[ChildProcess]
 
-    def __call__(self, paths: list[Path], folder: Path, jobs: int = 2) -> list[Outcome]:
-        scenarios = [load_scenario(path) for path in paths]
-        with Interruption() as interruption:
-            return execute(scenarios, folder / "results", jobs, silent, interruption, child_type=self.way)
+def run_in(way: type[ChildProcess], paths: list[Path], folder: Path, jobs: int = 2) -> list[Outcome]:
+    """Run scenarios in one of the ways that there are."""
+    scenarios = [load_scenario(path) for path in paths]
+    with Interruption() as interruption:
+        return execute(scenarios, folder / "results", jobs, silent, interruption, child_type=way)
 
 
 def test_while_children_run_the_caller_is_made_ready_once(tmp_path: Path) -> None:
@@ -96,7 +94,7 @@ on_both = pytest.mark.parametrize("run", WAYS, indirect=True, ids=NAMES)  # also
 
 @pytest.fixture(params=soaked(WAYS, short=WAYS[:1]), ids=NAMES)
 def run(request: pytest.FixtureRequest) -> Run:
-    return Run(request.param)
+    return partial(run_in, request.param)
 
 
 BALL: Final = "{name: ball, sphere: {radius: 0.1}, pose: {x: 0.05}, appears: 0.1 s}"
@@ -244,7 +242,7 @@ def ran(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     with pytest.MonkeyPatch.context() as patch:
         for name in ("GITHUB_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "ACTIONS_RUNTIME_TOKEN", "INPUT_SCENARIO"):
             patch.setenv(name, "secret")
-        return {outcome.name: outcome for outcome in Run(request.param)(paths, folder)}
+        return {outcome.name: outcome for outcome in run_in(request.param, paths, folder)}
 
 
 def test_what_scripts_do_to_their_process_changes_no_verdict(ran: dict[str, Outcome]) -> None:

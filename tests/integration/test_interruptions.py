@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
@@ -22,13 +21,11 @@ import yaml
 
 from sim_action.results.journal import read_journal
 from sim_action.results.results_json import Results
-from tests.integration.conftest import interpreter, sim_action
+from tests.integration.conftest import ACTION, interpreter, sim_action
 from tests.integration.marked_processes import processes_of
 from tests.patience import PATIENCE, wait_until
 from tests.scenarios import driving
 from tests.soak import soaked
-
-ROOT: Final = Path(__file__).parents[2]
 
 SCRIPT: Final = """\
 from pathlib import Path
@@ -56,7 +53,7 @@ main()
 """
 
 SIGNALS: Final = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
-ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ACTION), "GITHUB_ACTIONS": ""}
 
 
 @pytest.fixture(autouse=True)
@@ -209,10 +206,10 @@ def at_import(folder: Path, module: str, number: signal.Signals, *arguments: str
 def test_a_cancelled_action_reports_from_its_start_on(folder: Path) -> None:
     held = f"{FINDER}number, module = {int(signal.SIGTERM)}, 'click'\nsys.meta_path.insert(0, Finder)\n"
     (folder / "sitecustomize.py").write_text(held)
-    inputs = yaml.safe_load((ROOT / "action.yml").read_text())["inputs"]
+    inputs = yaml.safe_load((ACTION / "action.yml").read_text())["inputs"]
     defaults = {f"INPUT_{name.upper().replace('-', '_')}": str(inputs[name]["default"]) for name in inputs}
-    variables = {**ENVIRONMENT, **defaults, "PYTHONPATH": f"{folder}:{ROOT}"}
-    ran = interpreter(folder, "-P", ROOT / "action/run.py", "run", env=variables)
+    variables = {**ENVIRONMENT, **defaults, "PYTHONPATH": f"{folder}:{ACTION}"}
+    ran = interpreter(folder, "-P", ACTION / "action/run.py", "run", env=variables)
     assert ran.returncode == 130, ran.stderr
     assert set(reported(folder).values()) == {"interrupted"}
 
@@ -240,8 +237,7 @@ def test_a_signal_at_any_moment_leaves_all_reports_or_no_file(
         code = process.wait(PATIENCE)
     if (folder / "sim-results").exists():
         assert code == 130
-        found = reported(folder)
-        assert {"b-endless", "c-later"} <= {name for name, said in found.items() if said == "interrupted"}
+        assert {"b-endless", "c-later"} <= {name for name, kind in reported(folder).items() if kind == "interrupted"}
     else:
         # Python was not up yet: it ends, and after Ctrl-C while it prepares itself, it returns 1.
         assert code == -number or (number, code) == (signal.SIGINT, 1)
@@ -280,9 +276,9 @@ def test_the_journal_of_a_killed_call_has_every_verdict_that_was_known_and_makes
     assert [outcome.status for outcome in results.outcomes] == ["passed", "failed", "error", "error"]
     messages = [outcome.failures[0].message for outcome in results.outcomes[2:]]
     assert messages == [f"sim-action ended before this scenario {how}" for how in ("ended", "started")]
-    suites = ET.parse(tmp_path / "sim-results/junit.xml").getroot().iter("testsuite")
-    counts = {suite.get("name"): (suite.get("failures"), suite.get("errors")) for suite in suites}
-    assert counts == {"a passes": ("0", "0"), "b fails": ("1", "0"), "c kills": ("0", "1"), "d waits": ("0", "1")}
+    suites = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    counts = {suite.name: (suite.failures, suite.errors) for suite in suites}
+    assert counts == {"a passes": (0, 0), "b fails": (1, 0), "c kills": (0, 1), "d waits": (0, 1)}
     assert (tmp_path / "sim-results/report.html").stat().st_size > 10_000
     assert "not finished" in made.stdout
 
