@@ -171,7 +171,8 @@ class _Call:
             factors = request.factors(original)
             self._absent.difference_update([request] if factors else [])
             yield from (Search(factor, request.least(factor), self._request.runs) for factor in factors)
-            if request.is_demanded and not factors:
+            must_be_left = request.share is not None or request.distance is not None
+            if must_be_left and not factors:
                 yield Search.of_missing(request.name)
 
     def _announce(self, searches: Sequence[Search]) -> None:

@@ -141,12 +141,6 @@ class _Grip:
         """The greatest speed along a link that presses the object, (T,) m/s; NaN while it is not known."""
         return np.asarray(np.where(self.touching, self.slip, 0.0).max(axis=1))
 
-    def is_sound(self, slip: float) -> NDArray[np.bool_]:
-        """Return (T,) True where two links press the object from opposed sides and it does not slide."""
-        opposed = (self.touching.sum(axis=1) >= 2) & (self.resultant <= (1 - _MIN_BALANCE) * self.total)
-        sound: NDArray[np.bool_] = opposed & (self.fastest <= slip)
-        return sound
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspMonitor(Monitor):
@@ -238,7 +232,9 @@ class GraspMonitor(Monitor):
         return has_records and len(trace) > 0
 
     def _sound_squeeze(self, grip: _Grip) -> FloatArray:
-        return np.where(grip.is_sound(self.spec.slip), grip.squeeze, 0.0)
+        opposed = (grip.touching.sum(axis=1) >= 2) & (grip.resultant <= (1 - _MIN_BALANCE) * grip.total)
+        sound: NDArray[np.bool_] = opposed & (grip.fastest <= self.spec.slip)
+        return np.where(sound, grip.squeeze, 0.0)
 
     def _nearest(self, grip: _Grip) -> tuple[int, float, str]:
         """Return the best moment so far: the one with most links, and then the greatest squeeze."""

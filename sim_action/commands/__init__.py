@@ -120,7 +120,11 @@ class CommandSource(Transmission):
         """Return this source with a rate that divides that of the physics in Hz, if it needs no other one."""
         if self.needed_rate is not None or rate_divides(physics_rate, self.rate):
             return self
-        fitting = self.model_copy(update={"rate": fitting_rate(self.rate, physics_rate)})
+        # The lowest rate in Hz that is not below `rate` and divides that of the physics.
+        most = max(1, int(physics_rate / self.rate))
+        # A rate in whole Hz has its ticks at round times.
+        whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
+        fitting = self.model_copy(update={"rate": physics_rate / next(whole, most)})
         fitting.model_fields_set.discard("rate")
         return fitting
 
@@ -197,14 +201,6 @@ class CommandSource(Transmission):
 
 def _later(time: float | None, by: float) -> float | None:
     return None if time is None else time + by
-
-
-def fitting_rate(rate: float, physics_rate: float) -> float:
-    """Return the lowest rate in Hz that is not below `rate` and divides that of the physics."""
-    most = max(1, int(physics_rate / rate))
-    # A rate in whole Hz has its ticks at round times.
-    whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
-    return physics_rate / next(whole, most)
 
 
 class LinkCommands(CommandSource):

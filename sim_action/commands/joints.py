@@ -109,7 +109,9 @@ class JointCommands(LinkCommands):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield points that are not in the order of time, and joints with two kinds of targets."""
-        yield from order_problems(self.points)
+        for index, (before, point) in enumerate(pairwise(self.points), start=1):
+            if point.at <= before.at:
+                yield ("joints", index, "at"), f"must be later than the point before it, at {before.at:g} s"
         yield from mixed_target_problems(self.points)
 
     @override
@@ -260,13 +262,6 @@ def knots(points: Iterable[JointPoint], model: RobotModel | None = None) -> Iter
 def in_si(scene: Scene, knot: Knot) -> float:
     """Return a target in SI units: rad and N m, or m and N. Raises units.UnitError."""
     return units.parse(knot.written, scene.model.joints_by_name[knot.joint].dimension(knot.reading))
-
-
-def order_problems(points: Sequence[JointPoint]) -> SpecProblems:
-    """Yield points that are not later than the point before."""
-    for index, (before, point) in enumerate(pairwise(points), start=1):
-        if point.at <= before.at:
-            yield ("joints", index, "at"), f"must be later than the point before it, at {before.at:g} s"
 
 
 def mixed_target_problems(points: Sequence[JointPoint], model: RobotModel | None = None) -> SpecProblems:

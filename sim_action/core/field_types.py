@@ -94,9 +94,11 @@ class Quantity:
             return number
         example = self.dimensions[0].example
         needs = f"number, or text such as {example}"
+        unit = "|".join(symbol.replace("^", r"\^") for symbol in symbols)
+        digits = r"([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?"
         text = {
             "type": "string",
-            "pattern": _text_pattern(needs, symbols),
+            "pattern": rf"(?!){needs}|^ *{_ANY_SIGN}{digits} *({unit})?{END_OF_TEXT}",
             "examples": [example],
             "description": f"{needs}; units: {', '.join(symbols)}",
         }
@@ -131,12 +133,6 @@ _ANY_SIGN: Final = "[-+]?"
 _NOT_NEGATIVE: Final = "[+]?"
 _POSITIVE: Final = r"[+]?(?=[0.]*[1-9])"
 END_OF_TEXT: Final = r"[ \n]*$"  # the end of a pattern for text that may end with line breaks, as a YAML block does
-
-
-def _text_pattern(needs: str, symbols: Iterable[str]) -> str:
-    unit = "|".join(symbol.replace("^", r"\^") for symbol in symbols)
-    number = r"([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?"
-    return rf"(?!){needs}|^ *{_ANY_SIGN}{number} *({unit})?{END_OF_TEXT}"
 
 
 def pattern_at_least(pattern: str, bound: float, *, exclusive: bool) -> str:

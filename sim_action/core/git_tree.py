@@ -169,10 +169,20 @@ class GitListing:
             self._reason = "git was not found on PATH, outside of the workspace"
             return
         try:
+            # The environment of git: this repository and no other, and no transfers from other machines.
+            kept = {name: value for name, value in os.environ.items() if not name.upper().startswith("GIT_")}
             self._process = subprocess.Popen(  # noqa: S603 - fixed words
                 (program, *_SETTINGS, *words),
                 cwd=root,
-                env=_environment(root),
+                env={
+                    **kept,
+                    "GIT_DIR": str(root / ".git"),
+                    "GIT_WORK_TREE": str(root),
+                    "GIT_OPTIONAL_LOCKS": "0",
+                    "GIT_NO_LAZY_FETCH": "1",
+                    "GIT_ALLOW_PROTOCOL": "none",
+                    "GIT_TERMINAL_PROMPT": "0",
+                },
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -359,20 +369,6 @@ def _files_of_output() -> Iterator[tuple[int, int]]:
             continue
         if stat.S_ISREG(status.st_mode):
             yield status.st_dev, status.st_ino
-
-
-def _environment(root: Path) -> dict[str, str]:
-    """Return the environment of git: this repository and no other, and no transfers from other machines."""
-    kept = {name: value for name, value in os.environ.items() if not name.upper().startswith("GIT_")}
-    return {
-        **kept,
-        "GIT_DIR": str(root / ".git"),
-        "GIT_WORK_TREE": str(root),
-        "GIT_OPTIONAL_LOCKS": "0",
-        "GIT_NO_LAZY_FETCH": "1",
-        "GIT_ALLOW_PROTOCOL": "none",
-        "GIT_TERMINAL_PROMPT": "0",
-    }
 
 
 def _shown(path: Path) -> str:

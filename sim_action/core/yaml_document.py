@@ -108,10 +108,6 @@ class Document:
         keys = dotted(self._as_written(path))
         return Problem(self.location(path), escaped_line(f"{keys}: {message}" if keys else message))
 
-    def problem_at_key(self, key: str, message: str) -> Problem:
-        """Return a problem at the first place where a key stands; at the beginning if it stands nowhere."""
-        return self.problem(self.path_of_key(key), message)
-
     def path_of_key(self, key: str) -> KeyPath:
         """Return the path of the first key of this name; an empty path if there is none."""
         return next((path for path in self.marks if path and path[-1] == key), ())

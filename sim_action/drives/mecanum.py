@@ -257,7 +257,9 @@ class MecanumMotion(DriveMotion):
     @override
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
         self._was_level &= is_level(twist)
-        goal = self._wanted(twist)
+        (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
+        share = self.speeds.told_share(self._joint_speeds(ahead, left, turn))
+        goal = share * ahead, share * left, share * turn
         planned = []
         for _ in range(steps):
             before = (self._ahead, self._left, self._turn)
@@ -266,11 +268,6 @@ class MecanumMotion(DriveMotion):
             if before == (self._ahead, self._left, self._turn):
                 break
         return planned
-
-    def _wanted(self, twist: Twist) -> tuple[float, float, float]:
-        (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
-        share = self.speeds.told_share(self._joint_speeds(ahead, left, turn))
-        return share * ahead, share * left, share * turn
 
     def _step(self, ahead: float, left: float, turn: float) -> None:
         """Change all three by the same share, so that the curve keeps its shape."""

@@ -363,7 +363,14 @@ def _corners(document: Document, element: Element) -> tuple[Element, NDArray[np.
     if counts.sum() * width != len(corners) or any(len(run) % width for run in runs):
         raise document.error(element, f"its <p> do not hold {width} numbers for each corner: was the file cut off?")
     corners = corners[document.whole(vertex, "offset", otherwise=0) :: width]
-    return vertex, _triangulated(corners, counts, is_strip=element.tag == "tristrips")
+    # Split polygons into triangles; a polygon is treated as a fan about its first corner.
+    triangle_counts = np.maximum(counts - 2, 0)
+    refuse_more_triangles(int(triangle_counts.sum()))
+    starts = np.repeat(np.cumsum(counts) - counts, triangle_counts)
+    nth = np.arange(triangle_counts.sum()) - np.repeat(np.cumsum(triangle_counts) - triangle_counts, triangle_counts)
+    first = starts + (nth if element.tag == "tristrips" else 0)
+    triangles: NDArray[np.int64] = corners[np.stack([first, starts + nth + 1, starts + nth + 2], axis=1)]
+    return vertex, triangles
 
 
 def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np.int64]:
@@ -374,17 +381,6 @@ def _counts(document: Document, element: Element, runs: list[int]) -> NDArray[np
         return np.array(runs, np.int64)
     stated = element.find("vcount")
     return document.rows(stated) if stated is not None else np.zeros(0, np.int64)
-
-
-def _triangulated(corners: NDArray[np.int64], counts: NDArray[np.int64], *, is_strip: bool) -> NDArray[np.int64]:
-    """Split polygons into triangles; a polygon is treated as a fan about its first corner."""
-    triangle_counts = np.maximum(counts - 2, 0)
-    refuse_more_triangles(int(triangle_counts.sum()))
-    starts = np.repeat(np.cumsum(counts) - counts, triangle_counts)
-    nth = np.arange(triangle_counts.sum()) - np.repeat(np.cumsum(triangle_counts) - triangle_counts, triangle_counts)
-    first = starts + (nth if is_strip else 0)
-    triangles: NDArray[np.int64] = corners[np.stack([first, starts + nth + 1, starts + nth + 2], axis=1)]
-    return triangles
 
 
 def _input(document: Document, element: Element, semantic: str) -> Element:

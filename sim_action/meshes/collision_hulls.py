@@ -234,7 +234,13 @@ def read_clean_mesh(entry: Entry, scale: Vector3) -> CleanMesh | None:
 
 def write_clean_mesh(entry: Entry, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
     """Rewrite a mesh and keep it in the cache. Raises MeshError."""
-    _check(facts, scale)
+    reach = [max(abs(low), abs(high)) for low, high in zip(facts.lower_xyz, facts.upper_xyz, strict=True)]
+    if not all(0 < abs(factor) < float("inf") for factor in scale):
+        raise MeshError("bad-shape", f"has the scale {scale}; expected three finite numbers other than 0")
+    if not all(abs(factor) * most <= _MAX_COORDINATE_M for factor, most in zip(scale, reach, strict=True)):
+        raise MeshError(
+            "bad-shape", f"extends beyond {_MAX_COORDINATE_M:g} m; URDF is in metres: is the file in millimetres?"
+        )
     hulls = hulls_of(mesh, scale, margin)
     pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
     for number, points in enumerate(hulls):
@@ -243,16 +249,6 @@ def write_clean_mesh(entry: Entry, mesh: Mesh, facts: MeshFacts, scale: Vector3,
     text = b"".join(pieces)
     entry.write(text)
     return CleanMesh(text, facts, scale)
-
-
-def _check(facts: MeshFacts, scale: Vector3) -> None:
-    reach = [max(abs(low), abs(high)) for low, high in zip(facts.lower_xyz, facts.upper_xyz, strict=True)]
-    if not all(0 < abs(factor) < float("inf") for factor in scale):
-        raise MeshError("bad-shape", f"has the scale {scale}; expected three finite numbers other than 0")
-    if not all(abs(factor) * most <= _MAX_COORDINATE_M for factor, most in zip(scale, reach, strict=True)):
-        raise MeshError(
-            "bad-shape", f"extends beyond {_MAX_COORDINATE_M:g} m; URDF is in metres: is the file in millimetres?"
-        )
 
 
 def hull_lines(points: NDArray[np.float64], above: int) -> str:

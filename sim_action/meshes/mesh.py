@@ -53,7 +53,9 @@ def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.in
     :param points_xyz: (N, 3) of 32 or 64 bits; equal ones become one.
     :param parts: rows of the points (T, 3); or a slice of triangles, if each triangle has three rows of its own.
     """
-    if not is_length(points_xyz):
+    # The least and the greatest number of an array with a NaN are NaN, too.
+    least, greatest = (points_xyz.min(), points_xyz.max()) if points_xyz.size else (0, 0)
+    if not (least >= -_MAX_COORDINATE and greatest <= _MAX_COORDINATE):
         raise MeshError("broken-mesh", f"has a coordinate that is not finite or is beyond {_MAX_COORDINATE:g}")
     are_kept = [_have_area(points_xyz, part) for part in parts]
     if not any(is_kept.any() for is_kept in are_kept):
@@ -78,13 +80,6 @@ def compacted(
     if is_used.all():
         return points_xyz, triangles
     return points_xyz[is_used], (np.cumsum(is_used) - 1)[triangles]
-
-
-def is_length(coordinates: NDArray[np.floating[Any]]) -> bool:
-    """Return True if all coordinates are finite and within the limit."""
-    # The least and the greatest number of an array with a NaN are NaN, too.
-    least, greatest = (coordinates.min(), coordinates.max()) if coordinates.size else (0, 0)
-    return bool(least >= -_MAX_COORDINATE and greatest <= _MAX_COORDINATE)
 
 
 def refuse_more_triangles(count: int, most: int = MAX_TRIANGLES) -> None:

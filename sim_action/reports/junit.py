@@ -108,7 +108,9 @@ class _Document:
         cases += [self._error(group, outcome, failure) for failure in _reasons(outcome)]
         cases += [self._warning(group, outcome, warning) for warning in outcome.failing_warnings]
         if outcome.status == "skipped":
-            cases.append(self._skipped(group, outcome))
+            case = self._case(group, outcome, "not run", outcome.location)
+            add_child(case, "skipped", "", {"message": " ".join(outcome.notes) or "not run"})
+            cases.append(case)
         for index, case in enumerate(cases):
             # Only the first testcase has the time of the run, because tools add up the times of testcases.
             case.set("time", _seconds(outcome.wall_time if index == 0 else 0.0))
@@ -171,11 +173,6 @@ class _Document:
         add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
         add_line(case, "system-out", formatting.measurements(expected.verdict))
         add_line(case, "system-out", formatting.judged_text(expected.verdict))
-        return case
-
-    def _skipped(self, group: ScenarioGroup, outcome: Outcome) -> ET.Element:
-        case = self._case(group, outcome, "not run", outcome.location)
-        add_child(case, "skipped", "", {"message": " ".join(outcome.notes) or "not run"})
         return case
 
     def _error(self, group: ScenarioGroup, outcome: Outcome, failure: Failure) -> ET.Element:

@@ -97,20 +97,17 @@ class _Printer:
         if self._verbosity == "verbose":
             self._variations(group)
         elif self._verbosity != "quiet":
-            self._runs_of_gate(group)
+            # Without a colour: a run of a gate does not count by itself.
+            bad = group.not_passed
+            if bad:
+                self._line("  ", (f"{group.not_passed_text}; the worst first:", "dim"))
+            for run in bad[:_MAX_RUNS_OF_GATE]:
+                self._line("    ", (f"{group.values(run)} {run.ending}", "dim"))
+            if len(bad) > _MAX_RUNS_OF_GATE:
+                more = f"{len(bad) - _MAX_RUNS_OF_GATE} more: --verbose shows all runs, {RESULTS_FILE} has them"
+                self._line("    ", (more, "dim"))
             self._table([Row("warned", expected.name, share) for expected, share in group.warned])
         self._warnings(group)
-
-    def _runs_of_gate(self, group: ScenarioGroup) -> None:
-        """Print the worst runs of a gate, without a colour: a run does not count by itself."""
-        bad = group.not_passed
-        if bad:
-            self._line("  ", (f"{group.not_passed_text}; the worst first:", "dim"))
-        for run in bad[:_MAX_RUNS_OF_GATE]:
-            self._line("    ", (f"{group.values(run)} {run.ending}", "dim"))
-        if len(bad) > _MAX_RUNS_OF_GATE:
-            more = f"{len(bad) - _MAX_RUNS_OF_GATE} more: --verbose shows all runs, {RESULTS_FILE} has them"
-            self._line("    ", (more, "dim"))
 
     def _variations(self, group: ScenarioGroup) -> None:
         self._margin = "  "

@@ -310,7 +310,7 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
     unit = ""
     for run in runs:
         verdict = _named(claim.expectation, run)
-        value = None if verdict is None else verdict.margin if claim.is_margin else verdict.measured
+        value = None if verdict is None else verdict.margin if claim.of.endswith(".margin") else verdict.measured
         value = None if value is None or math.isnan(value) else value
         values.append(value)
         if verdict is not None and value is not None:

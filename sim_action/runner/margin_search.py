@@ -252,11 +252,6 @@ class FactorRequest:
     distance: float | None = None
     unit: str = ""  # the SI symbol of the bounds and the distance, as far as they state one
 
-    @property
-    def is_demanded(self) -> bool:
-        """True if something must be left."""
-        return self.share is not None or self.distance is not None
-
     @classmethod
     def parsed(cls, factors: Iterable[str], at_least: Iterable[str]) -> tuple[FactorRequest, ...]:
         """Return the requests in texts such as "latency=0 s:2 s" and "friction=20%". Raise UsageError."""

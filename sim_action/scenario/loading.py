@@ -155,7 +155,8 @@ def _loaded_or_refused(
         fault = errors.InternalError.of(error)
         if not isinstance(fault, errors.PackageFault):
             return source.refused(fault)
-        return source.refused(errors.InvalidScenario([source.document.problem_at_key(fault.part, str(fault))]))
+        place = source.document.path_of_key(fault.part)
+        return source.refused(errors.InvalidScenario([source.document.problem(place, str(fault))]))
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:

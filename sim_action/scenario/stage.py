@@ -198,7 +198,11 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
         limit = scenario.time_limit
         yield from late_problems(("world", "objects", index, "appears"), body.appears, limit)
         yield from late_problems(("world", "objects", index, "disappears"), body.disappears, limit)
-        start = _start(body, parts.get(body.name))
+        own = body.parts() if not body.is_read else parts.get(body.name)
+        # An unreadable file is reported elsewhere.
+        start = (
+            body.pose.model_copy(update={"z": placed(body, own).position_xyz[2]}) if body.path and own else body.pose
+        )
         for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
 
@@ -297,12 +301,6 @@ def _few(clashes: Sequence[Clash]) -> str:
 def _in_other(clash: Clash) -> str:
     where = "the ground" if clash.other == GROUND else f"'{clash.other}'"
     return f"'{clash.body}' begins {units.display(clash.depth, 'm')} deep in {where}"
-
-
-def _start(body: Body, read: Sequence[Part] | None) -> Placement:
-    parts = body.parts() if not body.is_read else read
-    # An unreadable file is reported elsewhere.
-    return body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]}) if body.path and parts else body.pose
 
 
 def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) -> SpecProblems:

@@ -186,7 +186,11 @@ class NamedFiles:
     def of(self, source: Source) -> frozenset[Path]:
         """Return the files of a scenario, with those of the files that it extends; some may not exist."""
         data = source.document.data
-        reader = self._reader(source.workspace, _mapped(data))
+        mapped = _mapped(data)
+        key = (source.workspace, tuple(sorted(mapped.items())))
+        if key not in self._readers:
+            self._readers[key] = _Reader(source.workspace, Packages(source.workspace, mapped))
+        reader = self._readers[key]
         texts = {_with_variation(text, source) for text in _texts(data)}
         written_in = [self._path(file) for file in (os.fspath(source.path), *source.document.files)]
         return frozenset(written_in).union(*[self._closure(reader, text) for text in texts])
@@ -195,12 +199,6 @@ class NamedFiles:
         if file not in self._absolute:
             self._absolute[file] = Path(file).absolute()
         return self._absolute[file]
-
-    def _reader(self, workspace: Workspace, mapped: Mapping[str, str]) -> _Reader:
-        key = (workspace, tuple(sorted(mapped.items())))
-        if key not in self._readers:
-            self._readers[key] = _Reader(workspace, Packages(workspace, mapped))
-        return self._readers[key]
 
     def _closure(self, reader: _Reader, text: str) -> frozenset[Path]:
         key = (id(reader), text)

@@ -319,7 +319,12 @@ class Controls:
         for action, place in zip(event.actions, event.places, strict=True):
             if place is None or not (action.start or action.stop):
                 continue
-            self._keep_marks(place, step)
+            # Keep the marks of a source that an event ends at a physics step.
+            end = step / self._rate
+            for source in self._active:
+                for mark in self._marks(source, end) if source.index == place else ():
+                    if mark.time < end:
+                        self._past_marks.append(replace(mark, until=min(end, mark.until or end)))
             if action.start:
                 # A source that is at work begins again.
                 self._motions.leave(self._sources[place].moved)
@@ -330,14 +335,6 @@ class Controls:
                 self._active = sorted((*others, source), key=lambda source: source.index)
             else:
                 self._stop(place)
-
-    def _keep_marks(self, index: int, step: int) -> None:
-        """Keep the marks of a source that an event ends at a physics step."""
-        end = step / self._rate
-        for source in self._active:
-            for mark in self._marks(source, end) if source.index == index else ():
-                if mark.time < end:
-                    self._past_marks.append(replace(mark, until=min(end, mark.until or end)))
 
     def _stop(self, index: int) -> None:
         """Let a source end: what it commanded stops, and others may move its joints."""

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveRadians, PositiveRatio
 from sim_action.core.files import read_at_most
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.world.parts import BoxPart, HullPart
 
@@ -133,11 +133,6 @@ class MeshFile(FrozenModel):
     scale: Annotated[
         Scale, Field(description="length in m of one unit of the file, also as [x, y, z] for each axis")
     ] = 1.0
-
-    @property
-    def scale_xyz(self) -> Vector3:
-        """The length in m of one unit of the file along each axis."""
-        return self.scale if isinstance(self.scale, tuple) else (self.scale,) * 3
 
 
 class Heightfield(FrozenModel):

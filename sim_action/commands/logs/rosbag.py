@@ -304,7 +304,9 @@ def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
     if not rows:
         empty = f"none of the {read} messages of '{topic}' has a finite value"
         raise RecordingError(empty if read else f"the log has no message of '{topic}'")
-    _refuse_reset(storages, topic)
+    orders = [_recorded_times(storage, topic) for storage in storages]
+    times = [time_ns for order in sorted(filter(None, orders)) for time_ns in order]
+    _refuse_falling(times, f"'{topic}': its time of receipt", "split the log there", "replay", _MAX_DISORDER_NS)
     # The messages of an indexed file are in order, but files may come in any order.
     rows = [rows[place] for place in sorted(range(len(rows)), key=receipts.__getitem__)]
     if selection.stamps == "header":
@@ -417,13 +419,6 @@ def _stamp(message: Any) -> int:
     if not stamp.sec and not stamp.nanosec:
         raise MessageError("its header.stamp is 0; use the time of receipt: remove 'stamps'")
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def _refuse_reset(storages: Sequence[_Storage], topic: str) -> None:
-    """Raise RecordingError if the clock of the recorder was set back: messages in the order of times would mix."""
-    orders = [_recorded_times(storage, topic) for storage in storages]
-    times = [time_ns for order in sorted(filter(None, orders)) for time_ns in order]
-    _refuse_falling(times, f"'{topic}': its time of receipt", "split the log there", "replay", _MAX_DISORDER_NS)
 
 
 def _recorded_times(storage: _Storage, topic: str) -> list[int]:

@@ -58,12 +58,10 @@ class SelfCollision(LinkContacts):
         self._pairs = SelfPairs.of(touchable_pairs(scene.model), self.nearest)
         self.notes = self._pairs.notes
         if scene.robot.self_collision:
-            self._collide_only({frozenset(pair) for pair in self._pairs.counted})
-
-    def _collide_only(self, counted: set[frozenset[str]]) -> None:
-        for (one, number), (other, its_number) in combinations(self._links.items(), 2):
-            on = int(frozenset((one, other)) in counted)
-            pybullet.setCollisionFilterPair(self._robot, self._robot, number, its_number, on, self._client)
+            counted = {frozenset(pair) for pair in self._pairs.counted}
+            for (one, number), (other, its_number) in combinations(self._links.items(), 2):
+                on = int(frozenset((one, other)) in counted)
+                pybullet.setCollisionFilterPair(self._robot, self._robot, number, its_number, on, self._client)
 
     def start(self, channels: Channels, row: Callable[[], Sequence[float]]) -> list[Callable[[int], None]]:
         """Return what records the contacts of the present step, if they are asked for.

@@ -248,10 +248,7 @@ def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
 
 def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
     later_links = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
-    return _filled(time, [link for link in later_links if not np.isnan(link[2][0, 0])])
-
-
-def _filled(time: FloatArray, links: Sequence[Link]) -> list[bytes]:
+    links = [link for link in later_links if not np.isnan(link[2][0, 0])]
     form = CdrForm().fixed("<u4", len(links))
     columns: list[FloatArray] = []
     for parent, child, placed_at in links:

@@ -145,9 +145,8 @@ class _Rays:
         """Return the returns of the scans of a log."""
         time, ranges, angles = times_of(scans), np.array([scan.ranges for scan in scans]), scans[0].angles
         motion = link_motion(scene.model, film, log.mounted.link or scene.model.root)
-        pose = geometry.compose(
-            _columns(poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw)), log.mounted.pose
-        )
+        x, y, z, qx, qy, qz, qw = poses_at(time, film.time, motion.position_xyz, motion.orientation_xyzw).T
+        pose = geometry.compose(Pose((x, y, z), (qx, qy, qz, qw)), log.mounted.pose)
         spread = np.where(np.isfinite(ranges), ranges, np.nan)
         x_axis, y_axis = (geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES[:2])
         points = np.empty((*ranges.shape, 3))
@@ -218,11 +217,6 @@ class _Rays:
 
 def _tall(column: FloatArray | float) -> FloatArray:
     return np.asarray(column, dtype=np.float64).reshape(-1, 1)
-
-
-def _columns(poses: FloatArray) -> Pose:
-    x, y, z, qx, qy, qz, qw = poses.T
-    return Pose((x, y, z), (qx, qy, qz, qw))
 
 
 def _body_poses(scene: Scene, film: Trace, name: str, time: FloatArray) -> FloatArray:

@@ -27,7 +27,6 @@ from sim_action.reports.github.markdown import (
     markdown_table,
     message_text,
     paragraphs,
-    shell_block,
     size_of,
     source_link,
 )
@@ -219,7 +218,7 @@ def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
 def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
     if outcome.display_status in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
         return ""
-    return f"Run it again:\n\n{shell_block(typed)}"
+    return f"Run it again:\n\n{markdown_block(typed, 'sh')}"
 
 
 def _gist(outcome: Outcome) -> str:

@@ -9,7 +9,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import markdown_block, markdown_text
+from sim_action.reports.escaping import markdown_text
 from sim_action.reports.links import file_and_line, source_url
 from sim_action.reports.table import Row, Table, value_text
 
@@ -68,11 +68,6 @@ def paragraphs(*markdown: str) -> str:
 def dotted(*markdown: str) -> str:
     """Join the parts of a subtitle by dots; empty ones are omitted."""
     return " · ".join(filter(None, markdown))
-
-
-def shell_block(command: str) -> str:
-    """Return a one-line command as a block that can be copied."""
-    return markdown_block(command, "sh")
 
 
 def source_link(options: ReportOptions | None, location: Location | None) -> str:

@@ -238,19 +238,16 @@ _MAX_LINES = 200
 def details(outcome: Outcome, results: Results, options: ReportOptions) -> Html:
     """Return the command to run a scenario again, messages, notes, output and facts of the run."""
     said = [(diagnostic.level, diagnostic.message) for diagnostic in outcome.diagnostics]
+    command = rerun_command(outcome, options)
     return joined(
-        _again(outcome, options),
+        titled(
+            "Run it again",
+            element("div", element("pre", element("code", command)), class_="command") if command else "",
+        ),
         _said("Engine", said),
         _said("Notes", [("note", note) for note in (*outcome.model_notes, *outcome.notes)]),
         _printed(user_output(outcome)),
         titled("Run details", values(run_facts(outcome, results).items(), "facts")),
-    )
-
-
-def _again(outcome: Outcome, options: ReportOptions) -> Html:
-    command = rerun_command(outcome, options)
-    return titled(
-        "Run it again", element("div", element("pre", element("code", command)), class_="command") if command else ""
     )
 
 

@@ -54,11 +54,6 @@ class Notes:
     _parts: dict[str, tuple[Element, str, str, str, list[Element]]] = field(default_factory=dict)
     _reported: set[SdfProblem] = field(default_factory=set)
 
-    @property
-    def has_fatal(self) -> bool:
-        """Return True if there is a fatal finding."""
-        return any(finding.level == "fatal" for finding in self.findings)
-
     def add(self, rule: str, element: Element, message: str) -> None:
         """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))

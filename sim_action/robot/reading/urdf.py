@@ -145,7 +145,12 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     joints, between = _joints(document, series)
     starts = start_positions(document)
     joints = tuple(replace(joint, start=starts[joint.name]) if joint.name in starts else joint for joint in joints)
-    drop_zero_masses(document)
+    # Remove an <inertial> with a mass of 0, if the audit allowed it. The base link keeps it, which fixes the base.
+    children = {child_of(joint) for joint in document.elements("joint")}
+    for link in document.elements("link"):
+        inertial = link.find("inertial")
+        if inertial is not None and link.get("name") in children and number(inertial.find("mass"), "value") == 0:
+            link.remove(inertial)
     fill_in_inertia(document, series.links)
     repair_inertia(document)
     name = document.root.get("name", path.stem)
@@ -338,15 +343,6 @@ def drop_empty_shapes(document: ModelDocument) -> None:
                 link.remove(collision)
 
 
-def drop_zero_masses(document: ModelDocument) -> None:
-    """Remove an <inertial> with a mass of 0, if the audit allowed it. The base link keeps it, which fixes the base."""
-    children = {child_of(joint) for joint in document.elements("joint")}
-    for link in document.elements("link"):
-        inertial = link.find("inertial")
-        if inertial is not None and link.get("name") in children and number(inertial.find("mass"), "value") == 0:
-            link.remove(inertial)
-
-
 def repair_inertia(document: ModelDocument) -> None:
     """Repair inertias that are impossible. An engine would ignore them, and no torque could turn the link."""
     for inertial in document.elements("link/inertial"):
@@ -377,24 +373,19 @@ def drop_invalid_mimics(document: ModelDocument) -> None:
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
     for joint in joints.values():
         if (position := still_position(joint, joints)) is not None:
-            fix_at(joint, position)
+            at = origin(joint)
+            if position and joint.attrib["type"] in MOVING_TYPES:
+                moving = Joint("", joint.attrib["type"], "", "", at, axis(joint))
+                at = geometry.compose(at, joint_motion(moving, position))
+            for part in (*joint.findall("origin"), *joint.findall("mimic")):
+                joint.remove(part)
+            rpy = geometry.rpy_from_quaternion(at.orientation_xyzw)
+            ET.SubElement(joint, "origin", xyz=_spelled(at.position_xyz), rpy=_spelled(rpy))
+            joint.set("type", "fixed")
     odd = [joint for joint in joints.values() if mimic_problem(joint, joints) is not None]
     for joint in odd:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
-
-
-def fix_at(joint: Element, position: float) -> None:
-    """Make a joint fixed at a position in rad (m if prismatic)."""
-    at = origin(joint)
-    if position and joint.attrib["type"] in MOVING_TYPES:
-        moving = Joint("", joint.attrib["type"], "", "", at, axis(joint))
-        at = geometry.compose(at, joint_motion(moving, position))
-    for part in (*joint.findall("origin"), *joint.findall("mimic")):
-        joint.remove(part)
-    rpy = geometry.rpy_from_quaternion(at.orientation_xyzw)
-    ET.SubElement(joint, "origin", xyz=_spelled(at.position_xyz), rpy=_spelled(rpy))
-    joint.set("type", "fixed")
 
 
 def engine_text(document: ModelDocument) -> str:

@@ -162,7 +162,18 @@ class XacroCheck:
         self._path, self._packages, self._documents = path, packages, XacroDocuments()
         self._seen, self._waiting = {path}, deque([path])
         while self._waiting:
-            self._read(self._waiting.popleft())
+            file = self._waiting.popleft()
+            try:
+                document = self._documents.read(file)
+            except XacroError as error:
+                self.problems.append(error)
+            except OSError as error:
+                self.problems.append(
+                    XacroError("missing-include", f"the file cannot be read: {error}", Location(str(file)))
+                )
+            else:
+                for element in document.getElementsByTagName("xacro:include"):
+                    self._include(element, file)
         files = "1 file" if len(self._seen) == 1 else f"{len(self._seen)} files"
         evaluated = f"xacro evaluates {shown_file(self._path)} when the scenario runs"
         self.notes.append(f"links and joints: {evaluated} ({files} checked as text)")
@@ -174,19 +185,6 @@ class XacroCheck:
             return
         declared = self._documents.declared
         self.problems += [UnknownArgument(name, declared, self._path) for name in sorted({*arguments} - declared)]
-
-    def _read(self, path: Path) -> None:
-        try:
-            document = self._documents.read(path)
-        except XacroError as error:
-            self.problems.append(error)
-        except OSError as error:
-            self.problems.append(
-                XacroError("missing-include", f"the file cannot be read: {error}", Location(str(path)))
-            )
-        else:
-            for element in document.getElementsByTagName("xacro:include"):
-                self._include(element, path)
 
     def _include(self, element: Element, path: Path) -> None:
         stated = element.getAttribute("filename")

@@ -269,7 +269,12 @@ class DrivenNodes:
         self.hear_errors(received, seconds)
         for robot in self._session.robots:
             robot.receive(received)
-        self._await_leaving(listeners)
+        # Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock.
+        if listeners != self.listeners:
+            for node, before, after in zip(self.lockstep.nodes, self.listeners, listeners, strict=True):
+                if after < before:
+                    node.process.await_end(_MAX_LEAVE_S)
+            self.listeners = listeners
 
     def receive(self, received: Sequence[tuple[int, Message]]) -> None:
         """Keep the commands of this robot until its next answer."""
@@ -431,14 +436,6 @@ class DrivenNodes:
         problem = large_message_problem(topic, size)
         if problem and self._bridge.matched()[0][number]:
             self.not_reproducible.append(problem)
-
-    def _await_leaving(self, listeners: list[int]) -> None:
-        """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock."""
-        if listeners != self.listeners:
-            for node, before, now in zip(self.lockstep.nodes, self.listeners, listeners, strict=True):
-                if now < before:
-                    node.process.await_end(_MAX_LEAVE_S)
-            self.listeners = listeners
 
     def note_finished(self, seconds: float) -> None:
         """Note the nodes of all robots that have ended until a sim time in s."""

@@ -100,7 +100,11 @@ def order_notes(graph: Graph) -> Iterator[str]:
     """Yield a note for each topic that several nodes hear at once, if what they then send meets in one node."""
     hearers = {topic: _nodes(ends) for topic, ends in graph.subscriptions.items() if topic not in OF_ALL_NODES}
     senders = {topic: _nodes(ends) for topic, ends in graph.publishers.items() if topic not in OF_ALL_NODES}
-    heard_from = _heard_from(senders, hearers)
+    # Node -> the other nodes that send to it.
+    heard_from: dict[str, frozenset[str]] = {}
+    for topic, nodes in hearers.items():
+        for node in nodes:
+            heard_from[node] = heard_from.get(node, frozenset()) | (senders.get(topic, frozenset()) - {node})
     for topic, nodes in sorted(hearers.items()):
         for node, sources in sorted(heard_from.items()):
             meeting = sorted((sources | {node}) & nodes)
@@ -115,17 +119,6 @@ def order_notes(graph: Graph) -> Iterator[str]:
 
 def _nodes(ends: Sequence[TopicEnd]) -> frozenset[str]:
     return frozenset(end.node for end in ends)
-
-
-def _heard_from(
-    senders: Mapping[str, frozenset[str]], hearers: Mapping[str, frozenset[str]]
-) -> dict[str, frozenset[str]]:
-    """Return node -> the other nodes that send to it."""
-    sources: dict[str, frozenset[str]] = {}
-    for topic, nodes in hearers.items():
-        for node in nodes:
-            sources[node] = sources.get(node, frozenset()) | (senders.get(topic, frozenset()) - {node})
-    return sources
 
 
 def unheard(graph: Graph, published: frozenset[str]) -> Iterator[str]:

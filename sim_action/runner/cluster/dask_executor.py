@@ -30,7 +30,7 @@ from sim_action.results.journal import Listener, Progressed
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.runner.child_outcome import without_verdict
 from sim_action.runner.cluster.address import ClusterAddress
-from sim_action.runner.cluster.dask_worker import Reply, Report, perform, receive, software_there
+from sim_action.runner.cluster.dask_worker import Reply, Report, perform, receive
 from sim_action.runner.cluster.task import Output, Result, Run, Software, Task, software
 from sim_action.runner.cluster.workspace_archive import Archive, archive_of
 from sim_action.runner.run_plan import Runs, Scheduler
@@ -478,7 +478,7 @@ class DaskExecutor:
         if not self._client.nthreads():
             raise UsageError(f"--cluster: {text} has no workers; start one on each machine with dask worker {text}")
         engines = tuple(dict(self._needed.engines))
-        software_by_worker = self._client.run(software_there, engines, on_error="return")
+        software_by_worker = self._client.run(software, engines, on_error="return")
         refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(software_by_worker, self._needed)]
         if refused:
             raise UsageError("\n".join(escaped_line(f"--cluster: {line}") for line in refused))

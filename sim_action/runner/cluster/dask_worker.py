@@ -12,7 +12,7 @@ from distributed import get_worker
 from sim_action.core.errors import SimActionError
 from sim_action.core.records import dataclass
 from sim_action.results.journal import Event, Progressed, Started
-from sim_action.runner.cluster.task import Result, Software, Task, run_task, software
+from sim_action.runner.cluster.task import Result, Task, run_task, software
 from sim_action.runner.cluster.workspace_archive import Archive, unpack
 from sim_action.scenario.loading import Libraries
 
@@ -46,11 +46,6 @@ class Report:
 
 class CancelledError(Exception):
     """The caller does not want the result any more."""
-
-
-def software_there(engines: tuple[str, ...]) -> Software:
-    """Return the software of this worker."""
-    return software(engines)
 
 
 def receive(archive: Archive, dask_worker: Any) -> None:

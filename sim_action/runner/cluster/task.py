@@ -155,12 +155,6 @@ class Task:
     def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
         return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)
 
-    def folder_there(self, copies: Path) -> Path:
-        """Return the folder on the worker that stands for the current folder of the caller."""
-        own = self.copied[0]
-        inside = self.working_folder.is_relative_to(own.anchor)
-        return own.moved(self.working_folder, copies) if inside else copies / own.digest
-
     def as_of_caller(self, text: str, copies: Path) -> str:
         """Return JSON with the caller's paths instead of the worker's."""
         for copied in self.copied:
@@ -190,7 +184,9 @@ def run_task(
             exception, the task ends.
     """
     scenarios = task.loaded(copies, libraries)
-    there = task.folder_there(copies)
+    own = task.copied[0]
+    inside = task.working_folder.is_relative_to(own.anchor)
+    there = own.moved(task.working_folder, copies) if inside else copies / own.digest
     there.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix="run-", dir=scratch))
     try:

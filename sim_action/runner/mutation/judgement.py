@@ -208,7 +208,11 @@ _DIGITS: Final = 6  # rounding must not decide which of two equal changes is tol
 
 def path_change(original: Trace, mutant: Trace, sliding: Collection[str] = ()) -> PathChange | None:
     """Return the greatest change of the motion, if large enough; `sliding`: joints with positions in m."""
-    ours, theirs = _row_pairs(original, mutant)
+    # The rows of both traces at equal times, and at last those of both ends.
+    ends = min(original.time[-1], mutant.time[-1]) + TIME_EPSILON_S
+    ours = np.flatnonzero(original.time <= ends)
+    theirs = np.searchsorted(mutant.time, original.time[ours] + TIME_EPSILON_S, side="right") - 1
+    ours, theirs = np.append(ours, len(original) - 1), np.append(np.maximum(theirs, 0), len(mutant) - 1)
     apart = mutant.base_position_xyz[theirs] - original.base_position_xyz[ours]
     distances = np.linalg.norm(apart, axis=1).round(_DIGITS)
     angles = rotation_angles(original.base_orientation_xyzw[ours], mutant.base_orientation_xyzw[theirs]).round(_DIGITS)
@@ -244,16 +248,6 @@ def _joint_change(
     apart = units.display(change, "m" if joint in sliding else "rad")
     words = f"joint '{joint}' was {apart} elsewhere{_when(mutant, theirs, row)}"
     return PathChange(text=words, distance=0.0, angle=0.0, joint=joint, joint_change=change)
-
-
-def _row_pairs(
-    original: Trace, mutant: Trace
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], np.ndarray[tuple[int], np.dtype[np.intp]]]:
-    """Return the rows of both traces at equal times, and at last those of both ends."""
-    ends = min(original.time[-1], mutant.time[-1]) + TIME_EPSILON_S
-    ours = np.flatnonzero(original.time <= ends)
-    theirs = np.searchsorted(mutant.time, original.time[ours] + TIME_EPSILON_S, side="right") - 1
-    return np.append(ours, len(original) - 1), np.append(np.maximum(theirs, 0), len(mutant) - 1)
 
 
 def _when(mutant: Trace, theirs: np.ndarray[tuple[int], np.dtype[np.intp]], row: int) -> str:

@@ -55,11 +55,6 @@ class Draw(FrozenModel):
 
     key: ClassVar[str]
 
-    @classmethod
-    def is_stated_by(cls, value: object) -> bool:
-        """Return True if the value of a key in `variations` states this way to draw."""
-        return isinstance(value, dict) and {cls.key} <= value.keys()
-
     samples: Annotated[
         int | None,
         Field(ge=1, le=10_000, description="number of samples; the same for all drawn keys; default: runs of the gate"),

@@ -45,11 +45,6 @@ _NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
 _LONGEST_KEY: Final = 200
 
 
-def is_nameable(text: str) -> bool:
-    """Return True if a key or unit can be a part of a variation's name."""
-    return is_plain_name(text) and len(text) <= _LONGEST_KEY and not _NOT_IN_KEYS.search(text)
-
-
 def labels(keys: Sequence[str]) -> dict[str, str]:
     """Return the shortest unique ending of each key."""
     return {key: _label(key.split("."), [other.split(".") for other in keys if other != key]) for key in keys}
@@ -238,7 +233,7 @@ def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_
     problems: list[Problem] = []
     varied_keys: dict[str, tuple[KeyPath, ValueList]] = {}
     files = CsvFiles(source.workspace, document.file)
-    even = [written for written, values in stated.items() if Sobol.is_stated_by(values)]
+    even = [written for written, values in stated.items() if isinstance(values, dict) and Sobol.key in values]
     for written, values in stated.items():
         dimension = even.index(written) if written in even else 0
         try:
@@ -272,7 +267,7 @@ def _numbered(keys: list[_Key]) -> list[_Key]:
 
 
 def _refuse_unfit(path: KeyPath, written: str) -> None:
-    if not is_nameable(written):
+    if not (is_plain_name(written) and len(written) <= _LONGEST_KEY and not _NOT_IN_KEYS.search(written)):
         raise NoSuchKey(
             "the names of the runs contain it: use plain text of at most 200 characters without any of [],=*?"
         )

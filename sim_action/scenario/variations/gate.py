@@ -147,11 +147,6 @@ class Quantile(FrozenModel):
         return self.of.removesuffix(".measured").removesuffix(".margin")
 
     @property
-    def is_margin(self) -> bool:
-        """Return True for the margin, False for the measured value."""
-        return self.of.endswith(".margin")
-
-    @property
     def share(self) -> float:
         """The share of runs that keep the bound if the claim holds."""
         return _rounded(1.0 - self.q) if self.at_most is None else self.q

@@ -39,7 +39,7 @@ def read_mesh_parts(path: Path, mesh_file: MeshFile, *, moves: bool) -> Iterator
         mesh = parsed_mesh(path, data)
     except MeshError as error:
         raise ShapeError(f"'{name}' {error}") from None
-    scale = mesh_file.scale_xyz
+    scale = mesh_file.scale if isinstance(mesh_file.scale, tuple) else (mesh_file.scale,) * 3
     _check_size(name, np.ptp(mesh.points_xyz, axis=0) * scale)
     whole = Mesh(mesh.points_xyz, (np.concatenate(mesh.parts),))
     shape = facts_of(path.suffix, whole if moves else mesh).shape

@@ -114,7 +114,7 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
     frames = Frames(scope)
     kinematics = kinematics_of(scope, frames, notes)
     writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)
-    if notes.has_fatal:
+    if any(finding.level == "fatal" for finding in notes.findings):
         return writer.document()
     if kinematics.needs_world and scope.find(WORLD) is None:
         writer.add(writer.root, "link", scope.element, name=WORLD)

@@ -196,7 +196,11 @@ def shape_in(holder: Element) -> Element | None:
 def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path) -> None:
     """Write a shape into a <geometry> of URDF. `file`: the file from which paths of meshes start. Raises SdfProblem."""
     if shape.tag == "mesh":
-        write_mesh(writer, parent, shape, file)
+        uri = text_of(shape, "uri")
+        if not uri:
+            raise SdfProblem("missing-part", shape, "<mesh> has no <uri>")
+        scale = shape.find("scale")
+        writer.add_mesh(parent, shape, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
     elif shape.tag in _SIZES:
         sizes = {name: numbers(*numbers_of(needed(shape, name), count)) for name, count in _SIZES[shape.tag].items()}
         writer.add(parent, shape.tag, shape, **sizes)
@@ -208,15 +212,6 @@ def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path)
         raise SdfProblem("unknown-shape", shape, message)
     else:
         writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
-
-
-def write_mesh(writer: UrdfWriter, parent: Element, mesh: Element, file: Path) -> None:
-    """Write a mesh into a <geometry> of URDF. Raises SdfProblem."""
-    uri = text_of(mesh, "uri")
-    if not uri:
-        raise SdfProblem("missing-part", mesh, "<mesh> has no <uri>")
-    scale = mesh.find("scale")
-    writer.add_mesh(parent, mesh, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
 
 
 def visual_shape(visual: Element) -> Element | None:
@@ -447,10 +442,6 @@ class JointWriter:
     def _write_axis(self, joint: Element, axis: Element, xyz: Vector3, kind: str, number: str = "") -> None:
         """Write an axis with its limits and dynamics; `number`: at the end of the tags."""
         self._writer.add(joint, f"axis{number}", axis, xyz=numbers(*xyz))
-        self._write_limits(joint, axis, kind, number)
-        self._write_dynamics(joint, axis, number)
-
-    def _write_limits(self, joint: Element, axis: Element, kind: str, number: str) -> None:
         limit = axis.find("limit")
         bounds = {"lower": limit_of(limit, "lower", -UNLIMITED), "upper": limit_of(limit, "upper", UNLIMITED)}
         attributes = {} if kind == "continuous" else {tag: numbers(bound) for tag, bound in bounds.items()}
@@ -460,6 +451,7 @@ class JointWriter:
                 attributes[tag] = numbers(most)
         if attributes:
             self._writer.add(joint, f"limit{number}", axis if limit is None else limit, **attributes)
+        self._write_dynamics(joint, axis, number)
 
     def _write_dynamics(self, joint: Element, axis: Element, number: str) -> None:
         name = f"{joint.attrib['name']}_{number or 1}" if "universal" in joint.attrib["type"] else joint.attrib["name"]

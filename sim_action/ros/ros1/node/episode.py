@@ -245,7 +245,7 @@ class EpisodeFactory:
         return DrivenRobot(model=_DESCRIPTION_FILE, allow=_REPORTED)
 
     def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], RobotCommands]:
-        if self._opened is None or not robot.is_same_as(self._opened[0]):
+        if self._opened is None or robot.number != self._opened[0].number:
             self._closing.close()
             self._session.efforts.clear_all()
             commands = RobotCommands()

@@ -69,10 +69,17 @@ class _Incomplete(Exception):
 
 def serve(folder: Path, request: SimulationRequest) -> None:
     """Run the node until the launch ends; write the result as soon as it is known."""
-    become_node("gazebo")
+    # A thread waits for the signals, which are blocked before any thread starts. rospy's own handler would run between
+    # two steps of the main thread, and wait for locks that this thread may hold: a node that publishes all the time
+    # would never end.
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    rospy.init_node("gazebo", disable_signals=True)
+    # rospy's own hooks run before: the master knows by then that this node has left.
+    rospy.core.add_shutdown_hook(lambda _: _left.set())
+    threading.Thread(target=_await_signal, name="leaving", daemon=True).start()
     _Server(folder, request).run().write(folder)
-    # Nodes that are left may still call services; roslaunch ends this node.
-    await_shutdown()
+    # Nodes that are left may still call services; roslaunch ends this node. rospy.spin() would poll for that.
+    _left.wait()
 
 
 class _Server:
@@ -262,24 +269,6 @@ def _failure_of(error: Exception) -> Failure:
 
 
 _left: Final = threading.Event()
-
-
-def become_node(name: str) -> None:
-    """Make this process a node that leaves on a signal. Call it before any thread starts.
-
-    A thread waits for the signals. rospy's own handler would run between two steps of the main thread, and wait for
-    locks that this thread may hold: a node that publishes all the time would never end.
-    """
-    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-    rospy.init_node(name, disable_signals=True)
-    # rospy's own hooks run before: the master knows by then that this node has left.
-    rospy.core.add_shutdown_hook(lambda _: _left.set())
-    threading.Thread(target=_await_signal, name="leaving", daemon=True).start()
-
-
-def await_shutdown() -> None:
-    """Wait until the node has left; rospy.spin() would poll for that every half a second."""
-    _left.wait()
 
 
 def _await_signal() -> None:

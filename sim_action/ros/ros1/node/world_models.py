@@ -55,10 +55,6 @@ class SpawnedRobot:
     text: str = ""
     number: int = 0
 
-    def is_same_as(self, other: SpawnedRobot) -> bool:
-        """Return True if it is the same robot, wherever it is."""
-        return self.number == other.number
-
 
 @dataclass(frozen=True, slots=True)
 class WorldModels:
