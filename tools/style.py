@@ -37,7 +37,7 @@ _RIDDLES: Final = re.compile(
     r"\b(?:of what|what is|those that|whatever|whoever|nobody|beside|anew|lest|tell|told|tells)\b", re.IGNORECASE
 )
 _PHRASES: Final = re.compile(rf"{_RIDDLES.pattern}|\b(?:that of|those of)\b", re.IGNORECASE)
-_VAGUE_NAMES: Final = frozenset({"each", "found", "given", "here", "known", "told", "wanted"})
+_VAGUE_NAMES: Final = frozenset({"each", "found", "given", "here", "known", "there", "told", "wanted"})
 _SEE: Final = re.compile(r"See [\w.]+\.")
 
 

@@ -131,9 +131,9 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
     for file in touched:
         if not file.exists():
             watched.files.pop(file, None)
-    there = [file for file in touched if file.exists()]
-    _look(watched, request, there, patterns)
-    return there
+    existing = [file for file in touched if file.exists()]
+    _look(watched, request, existing, patterns)
+    return existing
 
 
 def _rerun(

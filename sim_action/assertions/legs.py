@@ -277,8 +277,8 @@ class FeetMonitor(Monitor):
         if self.at_most is not None:
             most = most.observe(trace.time, self.at_most - count)
         if fewest is not self.fewest:
-            there = standing[:, int((trace.time == fewest.time).argmax())]
-            aloft = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if not on)
+            on_ground = standing[:, int((trace.time == fewest.time).argmax())]
+            aloft = tuple(foot for foot, on in zip(self.footing.feet, on_ground, strict=True) if not on)
         return replace(self, fewest=fewest, most=most, aloft=aloft, steps=self.steps.followed_by(trace.time))
 
     @override
@@ -383,8 +383,8 @@ class SupportMonitor(Monitor):
             return self
         fold, standing = self.fold.observe(trace.time, self._margins(trace) - self.at_least), self.standing
         if fold is not self.fold:
-            there = self.footing.standing(trace)[:, int((trace.time == fold.time).argmax())]
-            standing = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if on)
+            on_ground = self.footing.standing(trace)[:, int((trace.time == fold.time).argmax())]
+            standing = tuple(foot for foot, on in zip(self.footing.feet, on_ground, strict=True) if on)
         return replace(self, fold=fold, standing=standing, steps=self.steps.followed_by(trace.time))
 
     @override

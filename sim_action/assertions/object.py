@@ -272,8 +272,8 @@ class ObjectMonitor(Monitor):
     @property
     def needed_until(self) -> float:
         """See Monitor.needed_until. The run goes on for a step after the object appears."""
-        there = self.appears + 1 / self.scene.physics.rate if self.appears and not waits(self.appears) else 0.0
-        return there if self.monitor is None else max(there, self.monitor.needed_until)
+        appeared = self.appears + 1 / self.scene.physics.rate if self.appears and not waits(self.appears) else 0.0
+        return appeared if self.monitor is None else max(appeared, self.monitor.needed_until)
 
     @override
     def begin(self, trace: Trace) -> Self:
@@ -365,8 +365,8 @@ def _present(trace: Trace, name: str) -> Trace:
     record = trace.objects.get(name)
     if record is None or not len(record):
         return trace.rows(slice(0))
-    there = np.isfinite(record.position_xyz[:, 0])
-    return trace if there.all() else trace.rows(np.flatnonzero(there))
+    is_present = np.isfinite(record.position_xyz[:, 0])
+    return trace if is_present.all() else trace.rows(np.flatnonzero(is_present))
 
 
 def _poses(trace: Trace, name: str) -> FloatArray:
@@ -380,8 +380,8 @@ def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     before, after = rows[:-1], rows[1:]
     elapsed = after[:, :1] - before[:, :1]
     factor = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=elapsed > 0)
-    there, back = tuple(after[:, 4:8].T), geometry.conjugate(tuple(before[:, 4:8].T))
-    turn = np.column_stack(geometry.multiply(there, back))
+    orientation, back = tuple(after[:, 4:8].T), geometry.conjugate(tuple(before[:, 4:8].T))
+    turn = np.column_stack(geometry.multiply(orientation, back))
     # A quaternion and its negative are the same orientation.
     turn = np.where(turn[:, 3:] < 0, -turn, turn)
     sine = np.sqrt((turn[:, :3] ** 2).sum(axis=1, keepdims=True))

@@ -173,8 +173,8 @@ def _folders() -> Iterator[Finding]:
         return
     size = sum(path.stat().st_size for path in cache.rglob("*") if path.is_file())
     used = f"{size / 1e6:.3g} MB of hulls of meshes in {cache.parent}"
-    there = next(folder for folder in (cache, *cache.parents) if folder.exists())
-    writable = os.access(there, os.W_OK)
+    existing = next(folder for folder in (cache, *cache.parents) if folder.exists())
+    writable = os.access(existing, os.W_OK)
     remedy = "" if writable else "; it cannot be written, and hulls are made in each run: set XDG_CACHE_HOME"
     yield Finding("good" if writable else "missing", "cache", used + remedy)
 

@@ -381,11 +381,11 @@ class ClearanceRecorder:
         first = bisect_right(steps, 0)
         if first == len(steps):
             return
-        there = np.column_stack((poses[first:], joints[first:]))
-        exploded = np.flatnonzero(~np.isfinite(there).all(axis=1))
-        end = int(exploded[0]) if len(exploded) else len(there)
+        states = np.column_stack((poses[first:], joints[first:]))
+        exploded = np.flatnonzero(~np.isfinite(states).all(axis=1))
+        end = int(exploded[0]) if len(exploded) else len(states)
         if end:
-            self._measure_past(steps[first : first + end], there[:end], lambda row: restore(first + row))
+            self._measure_past(steps[first : first + end], states[:end], lambda row: restore(first + row))
 
     def collect(self) -> dict[ClearanceWatch, ClearanceRecord]:
         """Return the records since the last call."""
@@ -396,8 +396,8 @@ class ClearanceRecorder:
             state.minima = []
         return records
 
-    def _measure_past(self, steps: Sequence[int], there: FloatArray, restore: RestoreState) -> None:
-        moved = self._robot.advance_all(there[:, :7], there[:, 7:])
+    def _measure_past(self, steps: Sequence[int], states: FloatArray, restore: RestoreState) -> None:
+        moved = self._robot.advance_all(states[:, :7], states[:, 7:])
         bounded = np.isfinite(moved)
         travels = (self._travel + np.cumsum(np.where(bounded, moved, 0.0))).tolist()
         self._travel = travels[-1]

@@ -131,11 +131,11 @@ def clashes(world: World) -> Iterator[Clash]:
     Only boxes, spheres and cylinders that are there from the start are checked here. The run checks the others and the
     robot.
     """
-    there = [(body, index) for index, body in enumerate(world.objects) if body.appears is None and not body.is_read]
-    moving = sum(body.mass is not None for body, _ in there)
-    if not moving or moving * len(there) > _MAX_PAIRS:
+    present = [(body, index) for index, body in enumerate(world.objects) if body.appears is None and not body.is_read]
+    moving = sum(body.mass is not None for body, _ in present)
+    if not moving or moving * len(present) > _MAX_PAIRS:
         return
-    everything = [_Placed.of(body, index) for body, index in there]
+    everything = [_Placed.of(body, index) for body, index in present]
     for one in everything:
         if one.body.mass is not None:
             # Of two moving bodies, the first is reported.

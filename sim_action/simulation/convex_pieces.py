@@ -183,16 +183,16 @@ class Obstacle:
     def of(cls, several: Sequence[tuple[str, tuple[float, float], Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:
         """Return the obstacle of at least one body: name, steps of its presence, pose, pieces and soups of each."""
         blocks, columns = list[FloatArray](), list[tuple[int, float, float, int, float, float]]()
-        for number, (_, there, pose, pieces, soups) in enumerate(several):
+        for number, (_, presence, pose, pieces, soups) in enumerate(several):
             for piece in pieces:
                 blocks.append((turned(piece.points, pose.orientation_xyzw) + pose.position_xyz)[None])
-                columns.append((1, piece.width, piece.radius, number, *there))
+                columns.append((1, piece.width, piece.radius, number, *presence))
             for soup in soups:
                 for group in np.unique(soup.groups).tolist():
                     corners = soup.corners[soup.groups == group]
                     placed = turned(corners.reshape(-1, 3), pose.orientation_xyzw) + pose.position_xyz
                     blocks.append(placed.reshape(corners.shape))
-                    columns.append((len(corners), 0.0, 0.0, number, *there))
+                    columns.append((len(corners), 0.0, 0.0, number, *presence))
         counts = [count for count, *_ in columns]
         _, thickness, radius, bodies, appears, gone = (
             np.repeat(column, counts) for column in zip(*columns, strict=True)

@@ -146,9 +146,9 @@ class SweptSearch:
             for body in bodies:
                 parts = self._scene.parts_of(body)
                 pose = placed(body, parts) if number == FIXED else Pose()
-                there = body.presence(self._rate) if number == FIXED else ALWAYS
+                presence = body.presence(self._rate) if number == FIXED else ALWAYS
                 soups = part_soups(parts, is_solid=self._parts.solid_terrain)
-                shapes.append((body.name, there, pose, tuple(part_pieces(parts)), tuple(soups)))
+                shapes.append((body.name, presence, pose, tuple(part_pieces(parts)), tuple(soups)))
             self._obstacles[number] = Obstacle.of(shapes)
         return self._obstacles[number]
 

@@ -63,18 +63,18 @@ class BaseMotion:
         """Return the text of the jump to a step of `trace`: in orientation (`turns`), or else in position."""
         rows = self._rows(trace)
         after = len(rows) - len(trace) + step
-        before, there = rows[after - 1 : after + 1].tolist()
-        when = f"between {before[0]:.4f} s and {there[0]:.4f} s"
+        before, landed = rows[after - 1 : after + 1].tolist()
+        when = f"between {before[0]:.4f} s and {landed[0]:.4f} s"
         if turns:
             way = units.display(float(_angles(rows[after - 1 : after], rows[after : after + 1])[0]), "rad")
-            ends = [f"({', '.join(units.display(angle, 'rad') for angle in _rpy(row))})" for row in (before, there)]
-            fastest = units.display(max(math.hypot(*row[11:14]) for row in (before, there)), "rad/s")
+            ends = [f"({', '.join(units.display(angle, 'rad') for angle in _rpy(row))})" for row in (before, landed)]
+            fastest = units.display(max(math.hypot(*row[11:14]) for row in (before, landed)), "rad/s")
             return (
                 f"jumped by {way}, from roll, pitch, yaw {ends[0]} to {ends[1]} {when}, while it turned with {fastest}"
             )
-        way = units.display(math.dist(before[1:4], there[1:4]), "m")
-        ends = [f"({', '.join(f'{round(number, 4) + 0.0:g}' for number in row[1:4])})" for row in (before, there)]
-        fastest = units.display(max(math.hypot(*row[8:11]) for row in (before, there)), "m/s")
+        way = units.display(math.dist(before[1:4], landed[1:4]), "m")
+        ends = [f"({', '.join(f'{round(number, 4) + 0.0:g}' for number in row[1:4])})" for row in (before, landed)]
+        fastest = units.display(max(math.hypot(*row[8:11]) for row in (before, landed)), "m/s")
         return f"jumped {way}, from {ends[0]} to {ends[1]} {when}, while it moved with {fastest}"
 
     def _with_jumps(

@@ -330,8 +330,8 @@ def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Sa
     steps = np.arange(len(samples), dtype=np.intp)
     met = greatest_of_windows(then, first, last)
     held = least_of_windows(before, steps, first)
-    there = np.append(endless, -np.inf)[first]
-    least: FloatArray = np.minimum(np.minimum(met, held), there)
+    later = np.append(endless, -np.inf)[first]
+    least: FloatArray = np.minimum(np.minimum(met, held), later)
     return least
 
 

@@ -319,10 +319,10 @@ def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
 
 def _connections(storages: Sequence[_Storage], selection: Wanted) -> list[Connection]:
     topic = selection.topic
-    there = [connection for storage in storages for connection in storage.connections]
-    chosen = [connection for connection in there if connection.topic == topic]
+    connections = [connection for storage in storages for connection in storage.connections]
+    chosen = [connection for connection in connections if connection.topic == topic]
     if not chosen:
-        names = {connection.topic for connection in there}
+        names = {connection.topic for connection in connections}
         cut = "; ".join(storage.unfinished for storage in storages if isinstance(storage, ScannedLog) and storage.cut)
         if cut:
             raise RecordingError(f"the log has no readable topic '{topic}': {cut}")

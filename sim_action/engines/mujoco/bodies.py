@@ -82,8 +82,8 @@ class Objects:
         body = self._numbers[name]
         if self._model.body_dofnum[body]:
             start = self._model.jnt_qposadr[self._model.body_jntadr[body]]
-            there: list[float] = self._data.qpos[start : start + 7].tolist()
-            return there
+            numbers: list[float] = self._data.qpos[start : start + 7].tolist()
+            return numbers
         return [*self._model.body_pos[body].tolist(), *self._model.body_quat[body].tolist()]
 
     def pose(self, name: str) -> Pose:

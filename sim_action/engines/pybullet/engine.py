@@ -192,8 +192,8 @@ class PyBulletEngine(LoadedRobot, Engine):
         return pose_reader(self._client, [self._objects[name][0] for name in names])
 
     def _body_at(self, body: str) -> tuple[float, ...]:
-        there = self.body_pose(body)
-        return (*there.position_xyz, *there.orientation_xyzw)
+        pose = self.body_pose(body)
+        return (*pose.position_xyz, *pose.orientation_xyzw)
 
     @override
     def touching(self) -> tuple[Overlap | Clash, ...]:

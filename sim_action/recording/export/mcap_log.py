@@ -241,9 +241,9 @@ def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
-    there = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
-    changes = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
-    return pairwise([0, *changes.tolist(), len(there)])
+    known_rows = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
+    changes = np.flatnonzero((known_rows[1:] != known_rows[:-1]).any(axis=1)) + 1
+    return pairwise([0, *changes.tolist(), len(known_rows)])
 
 
 def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:

@@ -35,14 +35,14 @@ class Column(FrozenModel):
     @classmethod
     def encoded(cls, values: FloatArray, scale: float) -> Column:
         """Return the column of values (N,), rounded to steps; values that are not finite become gaps."""
-        there = np.isfinite(values)
-        steps = _steps(values, there, scale)
+        measured = np.isfinite(values)
+        steps = _steps(values, measured, scale)
         deltas = steps[1:] - steps[:-1]
         return cls.model_construct(
             scale=scale,
             first=int(steps[0]),
             deltas=tuple(deltas.tolist()) if deltas.any() else (),
-            gaps=() if there.all() else _runs(~there),
+            gaps=() if measured.all() else _runs(~measured),
         )
 
     def decoded(self, count: int) -> FloatArray:
@@ -83,15 +83,15 @@ class TextColumn(FrozenModel):
     @classmethod
     def encoded(cls, values: FloatArray, scale: float) -> TextColumn:
         """Return the column of values (N,), with differences cut at `MAX_DELTA` steps, and gaps where not finite."""
-        there = np.isfinite(values)
-        steps = _steps(values, there, scale)
+        measured = np.isfinite(values)
+        steps = _steps(values, measured, scale)
         deltas = np.minimum(np.maximum(steps[1:] - steps[:-1], -MAX_DELTA), MAX_DELTA)
         codes = np.where(deltas < 0, -2 * deltas - 1, 2 * deltas) + _FIRST_CHARACTER
         return cls.model_construct(
             scale=scale,
             first=int(steps[0]),
             deltas=codes.astype("<u2").tobytes().decode("utf-16-le") if deltas.any() else "",
-            gaps=() if there.all() else _runs(~there),
+            gaps=() if measured.all() else _runs(~measured),
         )
 
     @property
@@ -142,16 +142,16 @@ def fine_scale(values: FloatArray) -> float:
     return float(10.0 ** math.floor(math.log10(reach / 2_000)))
 
 
-def _steps(values: FloatArray, there: NDArray[np.bool_], scale: float) -> NDArray[np.int64]:
+def _steps(values: FloatArray, measured: NDArray[np.bool_], scale: float) -> NDArray[np.int64]:
     """Return the values in steps; a gap repeats the value before it."""
-    if there.all():
+    if measured.all():
         most = _MAX_STEPS * scale
         # For few values a call of `clip` or `diff` takes longer than all of this.
         return np.rint(np.minimum(np.maximum(values, -most), most) / scale).astype(np.int64)
     # A gap at the beginning repeats the first value.
-    first = int(np.argmax(there))
-    rows = np.maximum.accumulate(np.where(there, np.arange(len(values)), first))
-    return _steps(np.where(there[rows], values[rows], 0.0), np.ones_like(there), scale)
+    first = int(np.argmax(measured))
+    rows = np.maximum.accumulate(np.where(measured, np.arange(len(values)), first))
+    return _steps(np.where(measured[rows], values[rows], 0.0), np.ones_like(measured), scale)
 
 
 def _decoded(column: Column | TextColumn, deltas: NDArray[np.int64], count: int) -> FloatArray:

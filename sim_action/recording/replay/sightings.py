@@ -285,10 +285,10 @@ def _from_triangles(triangles: FloatArray, points_xyz: FloatArray) -> FloatArray
     is_above = np.broadcast_to(length > 0, over.shape)
     squared = np.full(over.shape, math.inf)
     for start, end in ((a, b), (b, c), (c, a)):
-        edge, there = end - start, points_xyz[:, None] - start
-        along = np.einsum("ntx,tx->nt", there, edge) / np.maximum(np.square(edge).sum(axis=1), 1e-30)
-        off = there - np.clip(along, 0.0, 1.0)[:, :, None] * edge
+        edge, offsets = end - start, points_xyz[:, None] - start
+        along = np.einsum("ntx,tx->nt", offsets, edge) / np.maximum(np.square(edge).sum(axis=1), 1e-30)
+        off = offsets - np.clip(along, 0.0, 1.0)[:, :, None] * edge
         squared = np.minimum(squared, np.square(off).sum(axis=2))
-        is_above = is_above & (np.einsum("ntx,tx->nt", there, np.cross(normal, edge)) >= 0)
+        is_above = is_above & (np.einsum("ntx,tx->nt", offsets, np.cross(normal, edge)) >= 0)
     nearest: FloatArray = np.where(is_above, np.abs(over), np.sqrt(squared)).min(axis=1, initial=math.inf)
     return nearest

@@ -34,12 +34,12 @@ _SLIVER: Final = 1e-4  # as a fraction of an axis: an invisible difference
 
 def chart(signal: Signal, moment: float | None = None) -> str:
     """Return a fenced chart of a signal with its limits, exact at the sim time `moment` (s); empty without data."""
-    there = np.isfinite(signal.values)
-    time, factor, unit = signal.time[there], *_shown_in(signal.unit)
+    finite = np.isfinite(signal.values)
+    time, factor, unit = signal.time[finite], *_shown_in(signal.unit)
     start, end = map(float, time[[0, -1]]) if len(time) else (0.0, 0.0)
-    if not end - start > _SHORTEST or max(np.abs(time).max(), np.abs(signal.values[there]).max()) > _LARGEST:
+    if not end - start > _SHORTEST or max(np.abs(time).max(), np.abs(signal.values[finite]).max()) > _LARGEST:
         return ""
-    values = sampled(time, factor * signal.values[there], moment)
+    values = sampled(time, factor * signal.values[finite], moment)
     limits = [factor * limit for limit in (signal.lower, signal.upper) if limit is not None]
     low, high = _range([*values, *limits])
     lines = (values, *([limit, limit] for limit in limits))
@@ -163,8 +163,8 @@ def _mismatch(signal: Signal, verdict: Verdict) -> tuple[bool, bool, float]:
     limits = [limit for limit in (signal.lower, signal.upper) if limit is not None]
     limit = verdict.limit
     is_other = limit is None or not any(abs(one - limit) <= _SAME_LIMIT * max(1.0, abs(limit)) for one in limits)
-    there = np.isfinite(signal.values)
-    if verdict.measured is None or verdict.time is None or not there.any():
+    finite = np.isfinite(signal.values)
+    if verdict.measured is None or verdict.time is None or not finite.any():
         return signal.unit != verdict.unit, is_other, np.inf
-    value = float(np.interp(verdict.time, signal.time[there], signal.values[there]))
+    value = float(np.interp(verdict.time, signal.time[finite], signal.values[finite]))
     return signal.unit != verdict.unit, is_other, abs(value - verdict.measured)

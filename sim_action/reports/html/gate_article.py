@@ -272,11 +272,11 @@ def parameters(runs: Sequence[Outcome]) -> list[Parameter]:
 
 
 def _parameter(label: str, stated: Sequence[tuple[bool, JsonValue]]) -> Parameter:
-    quantities = [_quantity(value) if there else None for there, value in stated]
+    quantities = [_quantity(value) if is_stated else None for is_stated, value in stated]
     unit_names = {unit for amount in quantities if amount is not None for unit in (amount[1],) if unit}
-    is_numeric = all(amount is not None for amount, (there, _) in zip(quantities, stated, strict=True) if there)
+    is_numeric = all(amount is not None for amount, (is_stated, _) in zip(quantities, stated, strict=True) if is_stated)
     if not is_numeric or len(unit_names) > 1:
-        return Parameter(label, "", (), tuple(_text(value) if there else "" for there, value in stated))
+        return Parameter(label, "", (), tuple(_text(value) if is_stated else "" for is_stated, value in stated))
     unit = next(iter(unit_names), "")
     numbers = tuple(None if amount is None else amount[0] for amount in quantities)
     return Parameter(label, unit, numbers, tuple("" if n is None else units.display(n, unit) for n in numbers))

@@ -155,12 +155,12 @@ _MAX_IN_GIST: Final = 300
 
 
 def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Html:
-    there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
-    if not there and not place:
+    listed = [outcome for outcome in group.worst_first() if id(outcome) in ids]
+    if not listed and not place:
         return Html("")
     if not group.varies:
-        return _list_item(there[0], there[0].name, ids)
-    items = [_list_item(outcome, group.values(outcome), ids) for outcome in there]
+        return _list_item(listed[0], listed[0].name, ids)
+    items = [_list_item(outcome, group.values(outcome), ids) for outcome in listed]
     if group.gate is not None:
         runs = element("summary", counted(len(group.outcomes), "run"), class_="faint")
         fold = element("details", runs, element("ol", *items)) if items else ""

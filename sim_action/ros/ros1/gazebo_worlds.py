@@ -34,8 +34,8 @@ class MissingWorld(BadWorld):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        there = [file.name for file in path.parent.glob("*.world")] if path.is_absolute() else []
-        near = did_you_mean(path.name, there) if there else ""
+        worlds = [file.name for file in path.parent.glob("*.world")] if path.is_absolute() else []
+        near = did_you_mean(path.name, worlds) if worlds else ""
         advice = "add the file, or correct the name of the world"
         if not path.is_absolute():
             own = f"of Gazebo's own worlds, sim-action has only {_EMPTY_WORLD}"

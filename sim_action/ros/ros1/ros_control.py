@@ -60,8 +60,8 @@ class Transmissions:
             hint = did_you_mean(joint, self.interfaces)
             return f"joint '{joint}' has no <transmission> with {interface} in the robot's description{hint}"
         if interface not in self.interfaces[joint]:
-            there = ", ".join(sorted(self.interfaces[joint])) or "no interface"
-            return f"the <transmission> of joint '{joint}' has {there}, but the controller needs {interface}"
+            offered = ", ".join(sorted(self.interfaces[joint])) or "no interface"
+            return f"the <transmission> of joint '{joint}' has {offered}, but the controller needs {interface}"
         return None
 
 

@@ -482,7 +482,7 @@ class DaskExecutor:
         refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(software_by_worker, self._needed)]
         if refused:
             raise UsageError("\n".join(escaped_line(f"--cluster: {line}") for line in refused))
-        roundings = Counter("; ".join(there.roundings(self._needed)) for there in software_by_worker.values())
+        roundings = Counter("; ".join(installed.roundings(self._needed)) for installed in software_by_worker.values())
         for difference, workers in roundings.items():
             if difference:
                 note(f"--cluster: {counted(workers, 'worker')}: {difference}; {_OTHER_ROUNDING}")
@@ -538,8 +538,8 @@ _OTHER_ROUNDING: Final = (
 def _refusals(
     software_by_worker: Mapping[str, Software | BaseException], needed: Software
 ) -> Iterator[tuple[str, str]]:
-    for worker, there in software_by_worker.items():
-        if isinstance(there, BaseException):
-            yield worker, f"cannot run scenarios: {there}; install this version of sim-action there"
-        elif differences := "; ".join(there.differences(needed)):
+    for worker, answer in software_by_worker.items():
+        if isinstance(answer, BaseException):
+            yield worker, f"cannot run scenarios: {answer}; install this version of sim-action there"
+        elif differences := "; ".join(answer.differences(needed)):
             yield worker, f"has other software: {differences}; install the same there"

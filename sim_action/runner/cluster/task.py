@@ -53,18 +53,18 @@ class Software:
         ours = dict(caller.engines)
         pairs = [("Python", self.python, caller.python), ("sim-action", self.sim_action, caller.sim_action)]
         pairs += [(engine, version or "missing", ours[engine] or "missing") for engine, version in self.engines]
-        for name, there, expected in pairs:
-            if there != expected:
-                yield f"{name} is {there}, here {expected}"
+        for name, actual, expected in pairs:
+            if actual != expected:
+                yield f"{name} is {actual}, here {expected}"
         if self.sim_action == caller.sim_action and self.source != caller.source:
             yield f"the files of sim-action have the digest {self.source}, here {caller.source}"
 
     def roundings(self, caller: Software) -> Iterator[str]:
         """Yield what may let a worker with this software round otherwise than the machine of the caller."""
         pairs = [("numpy", self.numpy, caller.numpy), ("the processor", self.processor, caller.processor)]
-        for name, there, expected in pairs:
-            if there != expected:
-                yield f"{name} is {there}, here {expected}"
+        for name, actual, expected in pairs:
+            if actual != expected:
+                yield f"{name} is {actual}, here {expected}"
 
 
 @cache
@@ -108,8 +108,8 @@ class Run:
         changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
         if loaded.repetition:
             changed |= {"physics": scenario.physics, "robot": scenario.robot}
-        there = replace(source, path=source.path.absolute())
-        return cls(index, there, tuple(changed.items()), loaded.compared, loaded.strict, loaded.mutation)
+        absolute = replace(source, path=source.path.absolute())
+        return cls(index, absolute, tuple(changed.items()), loaded.compared, loaded.strict, loaded.mutation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +138,14 @@ class Task:
 
     def _loaded(self, run: Run, copies: Path, libraries: Libraries) -> LoadedScenario:
         source, workspace = run.source, run.source.workspace
-        there = replace(
+        own_workspace = replace(
             workspace,
             directory=self.moved(workspace.directory, copies),
             root=self.moved(workspace.root, copies),
             packages=self._moved_packages(workspace.packages, copies),
         )
         permissions = replace(self.permissions, packages=self._moved_packages(self.permissions.packages, copies))
-        moved = replace(source, path=self.moved(source.path, copies), workspace=there)
+        moved = replace(source, path=self.moved(source.path, copies), workspace=own_workspace)
         [loaded] = load_all([moved], permissions, libraries)
         if isinstance(loaded, Refused):
             raise loaded.error
@@ -186,11 +186,11 @@ def run_task(
     scenarios = task.loaded(copies, libraries)
     own = task.copied[0]
     inside = task.working_folder.is_relative_to(own.anchor)
-    there = own.moved(task.working_folder, copies) if inside else copies / own.digest
-    there.mkdir(parents=True, exist_ok=True)
+    current = own.moved(task.working_folder, copies) if inside else copies / own.digest
+    current.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix="run-", dir=scratch))
     try:
-        arguments = (scenarios, str(there), folder, task.turn, task.output)
+        arguments = (scenarios, str(current), folder, task.turn, task.output)
         if sys.platform == "linux":
             from sim_action.runner.warm_process import call_beside  # only where it is asked for
 

@@ -73,8 +73,8 @@ def moved(original: Original) -> Iterator[Mutant]:
         if at is None:
             continue
         shift = math.dist(at, (body.pose.x, body.pose.y))
-        there = body.model_copy(update={"pose": body.pose.model_copy(update={"x": at[0], "y": at[1]})})
-        objects = tuple(there if other is body else other for other in original.scenario.world.objects)
+        moved_body = body.model_copy(update={"pose": body.pose.model_copy(update={"x": at[0], "y": at[1]})})
+        objects = tuple(moved_body if other is body else other for other in original.scenario.world.objects)
         words = f"the object '{body.name}' stands {shift:.2f} m {where}"
         yield _with_objects(original, "moved", body.name, words, objects)
 
@@ -313,8 +313,8 @@ def free_place(original: Original, body: Body, way: tuple[float, float], most: f
     taken = robot_boxes(original)
     for shift in (most, most / 2, most / 4):
         x, y = body.pose.x + shift * way[0], body.pose.y + shift * way[1]
-        there = body.model_copy(update={"pose": body.pose.model_copy(update={"x": x, "y": y})})
-        if shift >= LEAST_MOVE_M and not touches(body_box(original, there), taken):
+        moved_body = body.model_copy(update={"pose": body.pose.model_copy(update={"x": x, "y": y})})
+        if shift >= LEAST_MOVE_M and not touches(body_box(original, moved_body), taken):
             return x, y
     return None
 

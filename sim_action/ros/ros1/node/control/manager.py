@@ -161,8 +161,8 @@ class ControllerManager:
 
     def _refuse_unknown(self, name: str) -> None:
         if name not in self._loaded:
-            there = ", ".join(self._loaded) or "none"
-            raise BadController(f"no controller '{name}' is loaded; loaded controllers: {there}")
+            loaded = ", ".join(self._loaded) or "none"
+            raise BadController(f"no controller '{name}' is loaded; loaded controllers: {loaded}")
 
     def _list(self, _: Any) -> tuple[list[ControllerState]]:
         return (
