@@ -104,7 +104,7 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
     # Rules of SDF are in reading/sdf.
     elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part", "unsupported-joint"}
     elsewhere |= {"default-inertia", "turned-base", "shared-friction"}
-    # Rules of extensions and of MJCF are in tests/integration: test_model_extensions.py and test_native_masses.py.
+    # Rules of extensions and of MJCF are in tests/integration: test_model_extensions.py and test_native_robots.py.
     elsewhere |= {"start-position", "control-mimic", "lenient-xml", "moving-surface", "open-mesh"}
     # Parts are in test_part_table.py.
     elsewhere |= {"harmless-part"}
