@@ -242,7 +242,8 @@ def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
     reasons = [f"{source} does not fit: {message}" for source, message in unfit.items()]
     reasons += [*(() if unfit else unusable_plugins(model)), *unread_parameters(model)]
     if (mover := base_mover(model)) is not None:
-        reasons.append(f"{source_of(mover)} moves the base itself, without wheels: no drive of sim-action does that")
+        remedy = "state the drive of the real robot, such as mecanum"
+        reasons.append(f"{source_of(mover)} moves the base itself, without wheels: {remedy}")
     chassis = undercarriage(model)
     likely = "ackermann" if chassis.steered else "skid" if len(chassis.driven) > _MAX_DIFF_WHEELS else "diff"
     kinds = sorted(DRIVES, key=lambda name: name != likely)

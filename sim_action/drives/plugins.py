@@ -36,6 +36,8 @@ _BY_NAME: Final[Mapping[str, Kind]] = {
     "tricycle_controller/TricycleController": "ackermann",
     "mecanum_drive_controller/MecanumDriveController": "mecanum",
 }
+# hector_gazebo's plugin and its copies for robots with mecanum wheels (ridgeback_ros_..., nexus_ros_...) push the base.
+_PUSHED: Final = "_force_based_move"
 _SYSTEM: Final = re.compile(r"(?:gz-sim|ignition-gazebo)\d*-(.+)-system")
 _BY_SYSTEM: Final[Mapping[str, Kind]] = {
     "diff-drive": "diff",
@@ -145,6 +147,8 @@ def kind_of(plugin: Plugin) -> Kind | None:
     """Return the kind of a plugin or controller; None if it does not drive."""
     if plugin.name in _BY_NAME:
         return _BY_NAME[plugin.name]
+    if plugin.name.endswith(_PUSHED):
+        return "mover"
     system, named = _SYSTEM.fullmatch(plugin.name), _CLASS.fullmatch(plugin.title)
     if system and system[1] in _BY_SYSTEM:
         return _BY_SYSTEM[system[1]]

@@ -31,6 +31,7 @@ TRICYCLE = cart(wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2), steered("a", 0.5, 0
         ("", "ignition::gazebo::systems::AckermannSteering", "ackermann"),
         ("gz-sim-velocity-control-system", "", "mover"),
         ("gazebo_ros_planar_move", "", "mover"),
+        ("ridgeback_ros_force_based_move", "", "mover"),
         ("gz-sim-joint-position-controller-system", "", "position joint"),
         ("gz-sim-imu-system", "gz::sim::systems::Imu", None),
         ("gazebo_ros2_control", "", None),

@@ -215,12 +215,12 @@ def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iter
     requirement = (
         "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
     )
+    more = increase(inertia)
+    used = f"{a + more:.3g}, {b + more:.3g}, {c + more:.3g} kg m^2 are used, the smallest increase that is possible"
     if lacking <= rounding:
-        message = f"{moments}: {requirement}; they miss this only by rounding, and are increased"
+        message = f"{moments}: {requirement}; they miss this only by rounding: {used}"
         yield document.finding("rounded-inertia", inertia, message)
     elif -a <= rounding < c:
-        more = increase(inertia)
-        used = f"{a + more:.3g}, {b + more:.3g}, {c + more:.3g} kg m^2 are used, the smallest increase that is possible"
         message = f"link '{link}' has {moments}: {requirement}; {used}; state the moments about the centre of mass"
         yield document.finding("uneven-inertia", inertia, message)
     else:

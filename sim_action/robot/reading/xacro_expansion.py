@@ -358,4 +358,5 @@ def _names(table: object) -> Iterator[str]:
 
 def _undefined_argument(name: str) -> str:
     declaration = f'<xacro:arg name="{name}" default="..."/>'
-    return f"argument '{name}' has no value: set it in robot.args, or declare it before its use with {declaration}"
+    remedy = f"set it in robot.args, or for inspect by --arg {name}=VALUE"
+    return f"argument '{name}' has no value: {remedy}, or declare it before its use with {declaration}"

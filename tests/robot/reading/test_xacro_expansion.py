@@ -186,7 +186,8 @@ def test_one_expansion_leaves_nothing_to_the_next(ros: RosWorkspace) -> None:
 
 INCLUDED = '<xacro:include filename="wheel.xacro"/>\n'
 IN_WHEEL = "when evaluating expression 'wheel_radius', in macro 'wheel' called at test.urdf.xacro:3"
-NOT_SET = 'has no value: set it in robot.args, or declare it before its use with <xacro:arg name="size" default="..."/>'
+REMEDY = "set it in robot.args, or for inspect by --arg size=VALUE, or declare it before its use"
+NOT_SET = f'has no value: {REMEDY} with <xacro:arg name="size" default="..."/>'
 PREFIX = 'declare the prefix in the root element, as in <robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LIDAR = "package://rover_sensors/urdf/lidar.xacro"
 # rule -> texts, and the message
