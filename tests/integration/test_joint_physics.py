@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -281,3 +282,32 @@ def test_a_follower_that_its_leader_carries_stays_with_it(
     trace = travelled(engine, scene, 60, JointTargets(position={"leader": 0.0}))
     leader, follower = trace.joint_position.T
     assert np.degrees(abs(follower - multiplier * leader)).max() < 0.05
+
+
+def test_coupled_rockers_stay_together_on_the_ground_in_few_iterations(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Contacts keep the solver of PyBullet from ending early: each iteration that it may take costs time."""
+    iterations = [0]
+    if engine == "pybullet":
+        import pybullet  # other systems do not have it
+
+        stated = pybullet.setPhysicsEngineParameter
+
+        def recorded(**parameters: Any) -> None:
+            iterations.append(parameters.get("numSolverIterations", 0))
+            stated(**parameters)
+
+        monkeypatch.setattr(pybullet, "setPhysicsEngineParameter", recorded)
+    limit, mimic = 'lower="-0.3" upper="0.3" effort="100" velocity="9"', 'joint="left" multiplier="-1"'
+    feet = "".join(robots.collision(robots.sphere_shape(0.05), (x, 0.0, -0.1)) for x in (-0.15, 0.15))
+    rocker = robots.inertial(2.0, (0.01, 0.05, 0.05)) + feet
+    parts = [robots.link("base", robots.inertial(1.5, (0.01, 0.005, 0.02)))]
+    for side, y, follows in (("left", 0.2, ""), ("right", -0.2, mimic)):
+        parts.append(robots.link(f"{side}_rocker", rocker))
+        parts.append(robots.joint(side, "revolute", "base", f"{side}_rocker", (0.02, y, 0), limit=limit, mimic=follows))
+    scene = scene_of(tmp_path, robots.robot(*parts), at(0.16))
+    trace = travelled(engine, scene, 60, JointTargets(position={"left": 0.0}))
+    left, right = trace.joint_position.T
+    assert np.degrees(abs(right + left)).max() < 0.05
+    assert max(iterations) < 2000

@@ -40,12 +40,11 @@ from sim_action.robot.model.robot_model import Joint, Mimic, RobotModel, ball_an
 # A gear is stronger than any motor, and corrects most of its error within one step.
 _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
-# The iterations of the solver with gears; it stops as soon as nothing changes. A leader that carries its follower needs
-# more. This number over the share of an error that one iteration removes leaves less than 0.05 deg.
-_GEARED_ITERATIONS: Final = 500
-_SERIES_ITERATIONS: Final = 20_000, 200_000
+# The least and most iterations of the solver with gears; it stops as soon as nothing changes, but hardly with contacts.
+# A leader that carries its follower needs more: this number over the share of an error that one iteration removes
+# leaves less than 0.05 deg.
+_GEARED_ITERATIONS: Final = 500, 200_000
 _ITERATIONS_PER_SHARE: Final = 40
-_SERIES_SHARE: Final = 0.25
 # The share if it cannot be computed.
 _UNSURE_SHARE: Final = 0.002
 _STILL: Final = {"targetVelocity": (0, 0, 0), "positionGain": 0, "velocityGain": 0, "force": (0, 0, 0)}
@@ -102,16 +101,15 @@ def couple(client: int, robot: int, model: RobotModel, numbers: Mapping[str, int
     carriers: dict[str, Mimic] = {}
     # Another robot may need more.
     present = int(pybullet.getPhysicsEngineParameters(client)["numSolverIterations"])
-    iterations = max(_GEARED_ITERATIONS, present)
+    least, most = _GEARED_ITERATIONS
+    iterations = max(least, present)
     for leader, group in groups.items():
         if len(group) == 1:
             continue
         carrier, share = leader, _UNSURE_SHARE
         if not model.balls:
             carrier, share = _carrier(client, robot, numbers, group, otherwise=leader)
-        if share < _SERIES_SHARE:
-            least, most = _SERIES_ITERATIONS
-            iterations = max(iterations, least, math.ceil(min(most, _ITERATIONS_PER_SHARE / share)))
+        iterations = max(iterations, math.ceil(min(most, _ITERATIONS_PER_SHARE / share)))
         driven = group[carrier]
         if carrier != leader:
             carriers[leader] = replace(driven, joint=carrier)
