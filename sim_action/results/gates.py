@@ -321,15 +321,17 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
 def _named(name: str, run: Outcome) -> Verdict | None:
     by_name = [expected for expected in run.expectations if expected.name == name]
     matches = by_name or [expected for expected in run.expectations if expected.assertion == name]
-    return matches[0].verdict if len(matches) == 1 and _is_whole(matches[0].verdict, run) else None
+    return matches[0].verdict if len(matches) == 1 and _is_whole(matches[0], run) else None
 
 
-def _is_whole(verdict: Verdict, run: Outcome) -> bool:
+def _is_whole(expected: ExpectationOutcome, run: Outcome) -> bool:
     """Return False for a value that could have become worse: a failure ended the run, or the limit was crossed."""
+    verdict = expected.verdict
     if verdict.goal or verdict.cut_off:
         return not verdict.cut_off
-    is_last = verdict.time is None or run.sim_time is None or verdict.time >= run.sim_time
-    return run.end != "expectation failed" and (verdict.passed or is_last)
+    # An invariant that only warns keeps the value with which it failed.
+    is_final = verdict.passed or expected.severity == "error" or verdict.time == run.sim_time
+    return run.end != "expectation failed" and is_final
 
 
 def _expectation(planned: PlannedGate, name: str, verdict: Verdict) -> ExpectationOutcome:

@@ -213,13 +213,15 @@ def test_values_that_are_not_known() -> None:
     # An invariant of a run that a failure ended, or that was crossed before its end, could have become worse.
     whole = PASS.model_copy(update={"end": "duration", "sim_time": 3.0})
     failing = expected.model_copy(update={"verdict": Verdict(False, 1.5, 1.6, -0.1, "m", time=2.0)})
-    at_the_end = failing.model_copy(update={"verdict": replace(failing.verdict, time=3.0)})
+    warning = failing.model_copy(update={"severity": "warning"})
+    at_the_end = warning.model_copy(update={"verdict": replace(failing.verdict, time=3.0)})
     goal = expected.model_copy(update={"verdict": Verdict(True, 1.5, 1.0, 0.5, "m", time=2.0, goal=True)})
     for end, expectation, is_whole in (
         ("expectation failed", expected, False),
         ("expectation failed", at_the_end, False),
         ("expectation failed", goal, True),
-        ("duration", failing, False),
+        ("duration", failing, True),
+        ("duration", warning, False),
         ("duration", at_the_end, True),
         ("duration", expected, True),
     ):
