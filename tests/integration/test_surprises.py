@@ -100,3 +100,13 @@ def test_rays_meet_the_ground_wherever_it_carries(engine: str, tmp_path: Path) -
     with running(engine, scene_of(tmp_path, BALL, at(z=0.1))) as backend:
         for x in (0.0, 30.0, 3000.0):
             assert backend.cast_rays((x, 1.0, 1.0), np.array([(x, 1.0, -1.0)])) == pytest.approx([0.5], abs=1e-3)
+
+
+def test_half_a_step_shows_that_a_flat_landing_on_the_plane_of_bullet_tips(tmp_path: Path) -> None:
+    box = one_link('<box size="0.15 0.15 0.16"/>', "", mass=1.5)
+    tilts = [
+        np.degrees(travelled("pybullet", scene_of(tmp_path, box, at(z=0.3), rate=rate), 2 * round(rate)).tilt.max())
+        for rate in (240.0, 480.0)
+    ]
+    assert tilts[0] > 3
+    assert abs(tilts[0] - tilts[1]) > 1
