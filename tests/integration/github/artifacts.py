@@ -20,9 +20,8 @@ def _upload(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
     store, folder = _store(machine), one_path(machine, inputs["path"])
     if not boolean(inputs["archive"]):
         return _upload_as_it_is(machine, store, folder)
-    if folder.is_file():
-        raise UnsupportedFeature(f"an artifact of the single file {folder}")
-    files = {str(file.relative_to(folder)): file for file in folder.rglob("*") if _is_uploaded(file, folder)}
+    root = folder.parent if folder.is_file() else folder
+    files = {str(file.relative_to(root)): file for file in (folder, *folder.rglob("*")) if _is_uploaded(file, root)}
     if files:
         store.upload(inputs["name"], files)
         return _address(machine, store)
