@@ -270,7 +270,15 @@ def _open_locked(folder: Path) -> int:
     """Return the descriptor of the locked file, which holds the process id. Raise OSError or UsageError."""
     path = folder / LOCK_FILE
     while True:
-        descriptor = _open(path)
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+        if path.is_symlink():
+            raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
+        descriptor = os.open(path, flags, 0o666)
+        status = os.fstat(descriptor)
+        # Its content is replaced, which a hard link would share with another file.
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            os.close(descriptor)
+            raise OSError(errno.EEXIST, f"{LOCK_FILE} is not a regular file of its own; remove it")
         try:
             is_ours = _lock(descriptor)
             # The call before may have removed the file between the two lines above.
@@ -287,19 +295,6 @@ def _open_locked(folder: Path) -> int:
         os.close(descriptor)
         if not is_ours:
             raise _in_use(folder, pid)
-
-
-def _open(path: Path) -> int:
-    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    if path.is_symlink():
-        raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
-    descriptor = os.open(path, flags, 0o666)
-    status = os.fstat(descriptor)
-    # Its content is replaced, which a hard link would share with another file.
-    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-        os.close(descriptor)
-        raise OSError(errno.EEXIST, f"{LOCK_FILE} is not a regular file of its own; remove it")
-    return descriptor
 
 
 def _lock(descriptor: int) -> bool:

@@ -132,7 +132,10 @@ class Pool(Scheduler):
                 # An interruption inside `_start_waiting` leaves nothing to wait for.
                 if not self._running:
                     break
-                self._wait()
+                nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
+                heard = [child.progress for child in self._running.values() if not child.silent]
+                ending = len(heard) < len(self._running)
+                self._interruption.wait(min(_ENDING_WAIT_S if ending else _MAX_WAIT_S, max(0.0, nearest)), *heard)
                 self._collect()
         finally:
             # No child process outlives the call.
@@ -174,12 +177,6 @@ class Pool(Scheduler):
             self._waiting.appendleft(index)
         # Fewer at the same time take less.
         self._jobs = max(1, len(self._running))
-
-    def _wait(self) -> None:
-        nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
-        heard = [child.progress for child in self._running.values() if not child.silent]
-        ending = len(heard) < len(self._running)
-        self._interruption.wait(min(_ENDING_WAIT_S if ending else _MAX_WAIT_S, max(0.0, nearest)), *heard)
 
     def _collect(self) -> None:
         for index, child in list(self._running.items()):

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.reports.writing import write_reports
-from sim_action.results import output_folder
 from sim_action.results.journal import Finished, Header, Journal, Planned, read_journal
 from sim_action.results.output_folder import (
     LOCK_FILE,
@@ -204,7 +203,7 @@ def test_a_call_goes_on_without_a_lock_where_there_can_be_none(
     def refuse(*_: object) -> int:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(output_folder, "_open", refuse)
+    monkeypatch.setattr(os, "open", refuse)
     with locked(tmp_path):
         pass
     reason = os.strerror(number)

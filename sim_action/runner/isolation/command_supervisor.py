@@ -25,25 +25,22 @@ def main() -> NoReturn:
     supervisor = os.getpid()
     command = os.fork()
     if command == 0:
-        _become(sys.argv[1:], supervisor)
+        # Become the command; never return.
+        words = sys.argv[1:]
+        try:
+            os.setpgid(0, 0)
+            process_control.end_with_parent(supervisor, signal.SIGKILL)
+            # The supervisor ignores Ctrl-C; the command does not.
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
+            os.execvp(words[0], words)  # noqa: S606 - the caller's own command
+        except OSError as error:
+            os.write(2, f"{words[0]}: {error.strerror}\n".encode())
+        finally:
+            os._exit(_NOT_STARTED)
     status = process_control.wait_for_child(command)
     process_control.end_descendants(command)
     process_control.exit_as(status)
-
-
-def _become(words: list[str], supervisor: int) -> NoReturn:
-    """Become the command; never return."""
-    try:
-        os.setpgid(0, 0)
-        process_control.end_with_parent(supervisor, signal.SIGKILL)
-        # The supervisor ignores Ctrl-C; the command does not.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
-        os.execvp(words[0], words)  # noqa: S606 - the caller's own command
-    except OSError as error:
-        os.write(2, f"{words[0]}: {error.strerror}\n".encode())
-    finally:
-        os._exit(_NOT_STARTED)
 
 
 if __name__ == "__main__":

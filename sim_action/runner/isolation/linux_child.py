@@ -251,7 +251,14 @@ class LinuxChild(child_process.ChildProcess):
         # The end of its interpreter says nothing about the scenario.
         self.is_doubtful = self.is_doubtful or not self._pid
         if self._pid:
-            self._reap()
+            if self._supervised:
+                self._await_supervisor()
+            else:
+                with suppress(ProcessLookupError, PermissionError):
+                    os.killpg(self._pid, signal.SIGKILL)
+            _, _, usage = os.wait4(self._pid, 0)
+            if not self._supervised:
+                self.peak_memory = usage.ru_maxrss << 10
         self.listen()
         os.close(self._progress)
         self.report = self._files.read()
@@ -274,16 +281,6 @@ class LinuxChild(child_process.ChildProcess):
             self._pid = self._pid or int(line.removeprefix(FORKED))
         else:
             super()._take(line)
-
-    def _reap(self) -> None:
-        if self._supervised:
-            self._await_supervisor()
-        else:
-            with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._pid, signal.SIGKILL)
-        _, _, usage = os.wait4(self._pid, 0)
-        if not self._supervised:
-            self.peak_memory = usage.ru_maxrss << 10
 
     def _await_supervisor(self) -> None:
         patience = time.monotonic() + _ENDING_TIMEOUT_S

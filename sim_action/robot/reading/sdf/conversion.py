@@ -130,7 +130,12 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
         writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
     if not places_base:
         _note_rotated_base(notes, kinematics)
-    _note_unsupported_parts(notes, scope)
+    # Note the parts of models and of <include> that are not read. Those of links and joints are noted elsewhere.
+    for inner in scope.scopes():
+        note_parts(notes, inner.element, f"model '{inner.element.get('name', '')}'")
+        for entry in inner.members:
+            if entry.element.tag == "include":
+                note_parts(notes, entry.element, "<include>")
     notes.report_parts()
     _note_frames(notes, scope)
     return writer.document()
@@ -157,15 +162,6 @@ def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:
     if turned:
         message = f"the SDF rotates root link '{root.full_name}', which is ignored; set robot.pose: "
         notes.add("turned-base", root.element, f"{message}{{{', '.join(turned)}}}")
-
-
-def _note_unsupported_parts(notes: Notes, scope: Scope) -> None:
-    """Note the parts of models and of <include> that are not read. Those of links and joints are noted elsewhere."""
-    for inner in scope.scopes():
-        note_parts(notes, inner.element, f"model '{inner.element.get('name', '')}'")
-        for entry in inner.members:
-            if entry.element.tag == "include":
-                note_parts(notes, entry.element, "<include>")
 
 
 def _note_frames(notes: Notes, scope: Scope) -> None:
