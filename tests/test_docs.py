@@ -47,33 +47,21 @@ def blocks(language: str, page: str = README) -> list[str]:
 
 
 @pytest.mark.process
-def test_tables_and_schema_are_fresh() -> None:
-    checked = subprocess.run(
-        [sys.executable, "-m", "tools.docs.generate", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert checked.returncode == 0, checked.stderr
-
-
-@pytest.mark.process
-@pytest.mark.pybullet
-def test_the_table_of_robots_is_fresh_but_for_its_figures() -> None:
-    checked = subprocess.run(
-        [sys.executable, "-m", "tools.docs.robots", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize("tool", ["generate", pytest.param("robots", marks=pytest.mark.pybullet)])
+def test_tables_and_schema_are_fresh(tool: str) -> None:
+    command = [sys.executable, "-m", f"tools.docs.{tool}", "--check"]
+    checked = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stderr
 
 
 ROW = "| husky<br>`husky.urdf` | none | 44 kg | 10, 4 move | none | {} |\n"
 
 
-@pytest.mark.parametrize("figures", ["52 / 49 | 1.07", "1234 / 1 | 1234.00"])
-def test_figures_of_time_may_differ(figures: str) -> None:
-    assert without_figures(ROW.format(figures)) == ROW.format("# / # | #")
-
-
-@pytest.mark.parametrize("figures", [" | ", "52 / 49 | ", " | 1.07", "52 | 1.07", "a / b | 1.07", "52 / 49 | 1"])
-def test_figures_of_time_must_be_there(figures: str) -> None:
-    assert without_figures(ROW.format(figures)) != ROW.format("# / # | #")
+def test_figures_of_time_may_differ_and_must_be_there() -> None:
+    for figures in ("52 / 49 | 1.07", "1234 / 1 | 1234.00"):
+        assert without_figures(ROW.format(figures)) == ROW.format("# / # | #")
+    for figures in (" | ", "52 / 49 | ", " | 1.07", "52 | 1.07", "a / b | 1.07", "52 / 49 | 1"):
+        assert without_figures(ROW.format(figures)) != ROW.format("# / # | #")
 
 
 def test_what_was_found_of_a_robot_is_explained() -> None:
@@ -92,12 +80,8 @@ def test_the_readme_is_short_and_all_pages_together() -> None:
 
 
 @in_each_page
-def test_a_page_is_not_too_long(name: str) -> None:
+def test_a_page_is_not_too_long_and_a_section_stands_once(name: str) -> None:
     assert len(TEXTS[name].splitlines()) <= MAX_PAGE_LINES
-
-
-@in_each_page
-def test_a_section_stands_once(name: str) -> None:
     text = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
     sections = re.findall(r"^## (.+)$", text, re.MULTILINE)
     assert sorted(sections) == sorted(set(sections))
@@ -109,10 +93,6 @@ def test_an_entry_of_the_changelog_stands_once_and_is_whole() -> None:
     lines = [line for entry in entries for line in entry.splitlines() if len(line) > 30]
     assert [line for line in lines if lines.count(line) > 1] == []
     assert [entry for entry in entries if not entry.endswith((".", ":", "`"))] == []
-
-
-def test_the_readme_has_its_scenarios() -> None:
-    assert len([text for text in blocks("yaml") if "time_limit:" in text]) == 2
 
 
 # Its assertion is not in the product; tests/integration/test_new_assertion.py adds it.
@@ -211,7 +191,8 @@ def test_links_lead_somewhere(name: str) -> None:
         assert not anchor or anchor in anchors(found.read_text(encoding="utf-8")), target
 
 
-def test_the_readmes_least_scenario_is_the_example() -> None:
+def test_the_readme_has_its_scenarios_and_the_least_one_is_the_example() -> None:
+    assert len([text for text in blocks("yaml") if "time_limit:" in text]) == 2
     example = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text()
     assert example in blocks("yaml")[0]
     assert example in PAGES["docs/index.md"]

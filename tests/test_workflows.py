@@ -185,26 +185,29 @@ def test_the_pre_commit_example_names_our_hook_which_sees_scenarios_alone() -> N
 
 
 EXTRAS = ("rosbags", "mcap", "video", "policy")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def pins(lock: str) -> set[str]:
+    return set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / lock).read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def packages(requirements: list[str]) -> set[str]:
+    return {re.split(r"[^\w-]", requirement)[0] for requirement in requirements}
 
 
 @pytest.mark.parametrize("name", ["requirements.lock", *(f"requirements-{extra}.lock" for extra in EXTRAS)])
 def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: str) -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     lock = (LOCKS / name).read_text(encoding="utf-8")
-    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
-    assert needed <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
+    assert packages(PROJECT["dependencies"]) <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
     assert not re.search(r"://|index|find-links| @ |[\w.-]/", lock)
 
 
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_the_lock_file_of_an_extra_has_the_same_versions_and_what_it_needs_beside_them(extra: str) -> None:
-    plain, more = (
-        set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / name).read_text(encoding="utf-8"), re.MULTILINE))
-        for name in ("requirements.lock", f"requirements-{extra}.lock")
-    )
+    plain, more = pins("requirements.lock"), pins(f"requirements-{extra}.lock")
     assert plain < more
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["optional-dependencies"][extra]}
+    needed = packages(PROJECT["optional-dependencies"][extra])
     assert needed <= {line.partition("==")[0] for line in more - plain}
 
 
@@ -216,17 +219,14 @@ def test_the_lock_file_of_an_extra_has_the_same_versions_and_what_it_needs_besid
     ],
 )
 def test_actions_that_simulate_nothing_install_the_same_without_engines(name: str, absent: set[str]) -> None:
-    whole, part = (
-        set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / lock).read_text(encoding="utf-8"), re.MULTILINE))
-        for lock in ("requirements.lock", name)
-    )
+    whole, part = pins("requirements.lock"), pins(name)
     assert whole - part == {line for line in whole if line.partition("==")[0] in absent}
     assert part < whole
 
 
 def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
-    packages = json.loads((ROOT / "tools/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
-    assert all("integrity" in package and "resolved" not in package for path, package in packages.items() if path)
+    locked = json.loads((ROOT / "tools/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert all("integrity" in package and "resolved" not in package for path, package in locked.items() if path)
 
 
 def check_workflows(*files: Path) -> subprocess.CompletedProcess[str]:

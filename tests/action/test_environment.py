@@ -169,6 +169,8 @@ def test_when_wheels_are_kept(wanted: str, event: str, cached: bool, packages: l
     done = install(packages, Plan.parse(str(found["plan"])), job.temp)
     assert done["fetched"] is cached
     assert job.home.exists() is cached
+    with pytest.raises(LockError, match="cache must be true or false"):
+        look(packages, job.temp, {**job.variables, "INPUT_CACHE": "maybe"})
 
 
 @pytest.mark.parametrize(
@@ -179,11 +181,6 @@ def test_a_missing_working_directory_is_named_before_anything_is_downloaded(name
         f"the input working-directory: there is no folder {shown}; name one that is checked out, from its top"
     )
     assert folder_problem(" . ") is folder_problem("") is None
-
-
-def test_cache_is_true_or_false(packages: list[Entry], job: Job) -> None:
-    with pytest.raises(LockError, match="cache must be true or false"):
-        look(packages, job.temp, {**job.variables, "INPUT_CACHE": "maybe"})
 
 
 def test_kept_wheels_are_used_again_without_a_cache_service(packages: list[Entry], job: Job, tmp_path: Path) -> None:
@@ -438,10 +435,7 @@ def test_the_placeholder_runs_this_script_and_interpreter(packages: list[Entry],
     script = str(ROOT / "action/environment.py")
     assert repr([sys.executable, "-I", script, "add", str(folder), "mujoco"]) in module.read_text()
     assert not list(folder.rglob("pybullet-*/PLACEHOLDER"))
-
-
-def test_an_engine_is_added_from_the_lock_file_of_those_left_out(packages: list[Entry], job: Job) -> None:
-    folder = made(packages, job.temp, job.variables)
+    # The engine is added from the lock file of those left out.
     add(folder, folder / "left-out.lock", "mujoco")
     assert job.downloads[1:] == [["mujoco-core"]]
     assert not list(folder.glob("adding-*"))

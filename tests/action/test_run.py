@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -320,10 +319,11 @@ def test_a_working_directory_may_be_outside_on_purpose_and_behind_a_link_inside(
     assert Path.cwd() == expected.get(named, outside)
 
 
-def test_lines_of_inputs_and_set_up_times() -> None:
+def test_lines_of_inputs_and_set_up_times(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lines("a\u2028b\r\n\n \n c\x0bd\n") == ["a\u2028b", "c\x0bd"]
     # Set up time is split.
-    now = time.time()
+    now = 1000.0
+    monkeypatch.setattr("time.time", lambda: now)
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
     assert text == "Set-up took 30 s: Python 3 s, install 14 s, other steps 13 s"
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 10} {now - 9} {now - 3}")

@@ -1,5 +1,3 @@
-"""Messages of calls in programs."""
-
 from __future__ import annotations
 
 import pytest

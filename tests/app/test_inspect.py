@@ -1,5 +1,3 @@
-"""."""
-
 from __future__ import annotations
 
 import json
@@ -100,20 +98,16 @@ def test_what_is_written_reads_back(model: str, left: str, right: str) -> None:
     }
 
 
-def inspect_model(name: str, workspace: Workspace) -> Inspection:
-    return inspection.inspect_model(Robot(model=name), workspace)
-
-
 MESH = '<mesh filename="part.obj" scale="0.5 0.25 -2"/>'
 
 
-def workspace(folder: Path, text: str = GOOD) -> Workspace:
+def inspected(folder: Path, text: str = GOOD, model: str = "robot.urdf") -> Inspection:
     (folder / "robot.urdf").write_text(text, encoding="utf-8")
-    return Workspace(folder, folder)
+    return inspection.inspect_model(Robot(model=model), Workspace(folder, folder))
 
 
 def test_the_burger_is_what_is_published(tmp_path: Path) -> None:
-    found = inspect_model("turtlebot3_burger", workspace(tmp_path))
+    found = inspected(tmp_path, model="turtlebot3_burger")
     assert found.mass == pytest.approx(1.002)
     assert found.height == pytest.approx(0.0, abs=1e-9)
     assert found.lower_xyz is not None
@@ -129,14 +123,14 @@ def test_the_burger_is_what_is_published(tmp_path: Path) -> None:
 
 
 def test_joints_and_boxes_are_where_the_model_has_them(tmp_path: Path) -> None:
-    found = inspect_model("robot.urdf", workspace(tmp_path))
+    found = inspected(tmp_path)
     assert "base (2 kg)\n`- shoulder [revolute about z, -57.3 to 114.6 deg] -> upper (1 kg)" in (inspection_text(found))
     (joint,) = json.loads(found.model_dump_json())["joints"]
     assert (joint["name"], joint["lower"], joint["upper"], joint["axis_xyz"]) == ("shoulder", -1, 2, [0, 0, 1])
-    found = inspect_model("robot.urdf", workspace(tmp_path))
+    found = inspected(tmp_path)
     assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))
     assert found.height == -2.5
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path)))
+    text = inspection_text(inspected(tmp_path))
     assert "standing, its base link 'base' is 2.5 m below the ground" in text
 
 
@@ -147,7 +141,7 @@ def test_several_joints_of_one_link_are_one_branch(tmp_path: Path) -> None:
       <body name="arm"><joint name="turn" axis="0 0 1"/><geom size="0.1" mass="1"/></body></body>
       <body name="other"><joint name="lift" type="slide" axis="0 0 1"/><geom size="0.1" mass="1"/></body>
     </worldbody></mujoco>""")
-    text = inspection_text(inspect_model("robot.xml", Workspace(tmp_path, tmp_path)))
+    text = inspection_text(inspected(tmp_path, model="robot.xml"))
     assert text.split("\n\n")[1].splitlines() == [
         "world",
         "|- x [prismatic along x]",
@@ -162,7 +156,7 @@ def test_a_joint_says_whom_it_follows(tmp_path: Path) -> None:
         '<link name="finger"/><joint name="bend" type="continuous"><parent link="upper"/><child link="finger"/>'
         '<mimic joint="shoulder"/></joint></robot>'
     )
-    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", finger)))
+    found = inspected(tmp_path, GOOD.replace("</robot>", finger))
     assert [joint.mimics for joint in found.joints] == [None, "shoulder"]
     assert "bend [continuous about x, follows shoulder]" in inspection_text(found)
 
@@ -178,7 +172,7 @@ def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
         '<axis xyz="0 1 0"/></joint>'
         for side in "lr"
     )
-    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}")))
+    found = inspected(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}"))
     assert "drive: {diff: {left: [l], right: [r], radius: 0.05, separation: 0.25}}" in found.robot
     assert found.drive_source is not None
     assert found.drive_source.startswith("plugin gazebo_ros_diff_drive at ")
@@ -187,53 +181,51 @@ def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
 
 def test_meshes_are_as_large_as_they_are_scaled(tmp_path: Path) -> None:
     (tmp_path / "part.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
-    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('<sphere radius="0.5"/>', MESH)))
+    found = inspected(tmp_path, GOOD.replace('<sphere radius="0.5"/>', MESH))
     assert (found.lower_xyz, found.upper_xyz, found.height) == ((1, 2, 1), (1.5, 2.25, 3), -1)
     assert "fill 0.5 x 0.25 x 2 m" in inspection_text(found)
 
 
 def test_a_base_that_is_the_world_is_at_its_origin(tmp_path: Path) -> None:
     bolted = GOOD.replace('"base"', '"world"')
-    found = inspect_model("robot.urdf", workspace(tmp_path, bolted))
+    found = inspected(tmp_path, bolted)
     assert found.height == 0
     said = "bolted to the world, its base link 'world' is at the origin; its lowest shape is 2.5 m above the ground"
     assert said in " ".join(inspection_text(found).split())
-    below = inspect_model("robot.urdf", workspace(tmp_path, bolted.replace("1 2 3", "0 0 0.25")))
+    below = inspected(tmp_path, bolted.replace("1 2 3", "0 0 0.25"))
     assert "its lowest shape is 0.25 m below the ground" in " ".join(inspection_text(below).split())
     assert "standing" not in inspection_text(below)
 
 
 def test_a_long_name_is_cut_and_no_name_acts(tmp_path: Path) -> None:
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', f'"{"a" * 5000}"'))))
+    text = inspection_text(inspected(tmp_path, GOOD.replace('"arm"', f'"{"a" * 5000}"')))
     assert text.startswith(f"{'a' * 60}...: 2 links")
-    text = inspection_text(
-        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('"arm"', '"::error::x ##[a]"')))
-    )
+    text = inspection_text(inspected(tmp_path, GOOD.replace('"arm"', '"::error::x ##[a]"')))
     assert not any(line.startswith("::") for line in text.splitlines())
     assert "##[" not in text
     model = GOOD.replace('"arm"', '"x&#10;INJECTED&#13;&#x85;"').replace('"upper"', '"y&#10;INJECTED"')
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, model)))
+    text = inspection_text(inspected(tmp_path, model))
     assert "x\\nINJECTED\\r\\x85" in text
     assert "y\\nINJECTED" in text
     assert not any(line.startswith("INJECTED") for line in text.splitlines())
 
 
 def test_nothing_is_said_of_the_size_of_what_has_none(tmp_path: Path) -> None:
-    found = inspect_model("robot.urdf", workspace(tmp_path, re.sub("(?s)<collision>.*</collision>", "", GOOD)))
+    found = inspected(tmp_path, re.sub("(?s)<collision>.*</collision>", "", GOOD))
     assert (found.lower_xyz, found.upper_xyz, found.height, found.wheels) == (None, None, None, ())
     assert "standing" not in inspection_text(found)
 
 
 def test_where_joints_begin_is_where_they_are_looked_at(tmp_path: Path) -> None:
     bent = GOOD.replace('lower="-1" upper="2"', 'lower="1" upper="2"')
-    found = inspect_model("robot.urdf", workspace(tmp_path, bent))
+    found = inspected(tmp_path, bent)
     assert found.joints[0].start == 1.5
     assert "57.3 to 114.6 deg, begins at 85.94 deg]" in inspection_text(found)
 
 
 def cart(folder: Path, *wheels: str) -> Inspection:
     base = re.sub("(?s)<collision>.*</collision>", "", GOOD)
-    return inspect_model("robot.urdf", workspace(folder, base.replace("</robot>", f"{''.join(wheels)}</robot>")))
+    return inspected(folder, base.replace("</robot>", f"{''.join(wheels)}</robot>"))
 
 
 def wheel(name: str, xyz: str, *, parent: str = "base", kind: str = "continuous", axis: str = "0 0 1") -> str:
@@ -314,14 +306,14 @@ def test_wheels_named_against_their_places_lead_to_a_drive_to_copy(tmp_path: Pat
 )
 def test_the_block_says_what_an_engine_would_hold_still(root: str, mass: float, written: str, tmp_path: Path) -> None:
     text = GOOD.replace('"base"', f'"{root}"').replace('mass value="2"', f'mass value="{mass}"')
-    block = inspect_model("robot.urdf", workspace(tmp_path, text)).robot
+    block = inspected(tmp_path, text).robot
     assert written in block
     assert ("fixed" in block) is bool(written)
 
 
 def test_findings_of_one_kind_are_one_line(tmp_path: Path) -> None:
     zero = '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'
-    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, re.sub("<inertia .*?/>", zero, GOOD))))
+    text = inspection_text(inspected(tmp_path, re.sub("<inertia .*?/>", zero, GOOD)))
     assert text.count("principal moments") == 1
     assert "(also on line 13)" in " ".join(text.split())
     findings = text.split("the audit found:")[1].split("to paste")[0].splitlines()
@@ -329,9 +321,7 @@ def test_findings_of_one_kind_are_one_line(tmp_path: Path) -> None:
     # The first names and lines of many are told.
     frame = '\n<link name="f{0}"/><joint name="j{0}" type="fixed"><parent link="base"/><child link="f{0}"/></joint>'
     frames = "".join(frame.format(number) for number in range(7))
-    text = inspection_text(
-        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{frames}</robot>")))
-    )
+    text = inspection_text(inspected(tmp_path, GOOD.replace("</robot>", f"{frames}</robot>")))
     line = GOOD.count("\n") + 1
     more = ", ".join(str(line + number) for number in range(1, 5))
     found = " ".join(text.split())
@@ -339,16 +329,14 @@ def test_findings_of_one_kind_are_one_line(tmp_path: Path) -> None:
     assert f"negligible mass (and 6 more like this: 'f1', 'f2', 'f3', 'f4', ...; lines {more}, ...)" in found
     # Hints may differ.
     tags = "".join(f'\n<gazebo reference="{name}"/>' for name in ("bas", "upp", "shoulde"))
-    text = inspection_text(
-        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{tags}</robot>")))
-    )
+    text = inspection_text(inspected(tmp_path, GOOD.replace("</robot>", f"{tags}</robot>")))
     found = " ".join(text.split())
     assert found.count("no link or joint has this name") == 1
     assert 'no link or joint has this name (and 2 more like this: "upp", "shoulde"; lines ' in found
 
 
 def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> None:
-    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('lower="-1" upper="2" ', "")))
+    found = inspected(tmp_path, GOOD.replace('lower="-1" upper="2" ', ""))
     assert found.needs == ("missing-limits",)
     assert "  allow: [missing-limits]\n" in found.robot
     assert "\nerror missing-limits, can be allowed by robot.allow\n  " in inspection_text(found)
@@ -356,9 +344,7 @@ def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> Non
 
 def test_what_no_engine_could_take_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RefusedModel, match=r"two-parents|one-root|loop"):
-        inspect_model(
-            "robot.urdf", workspace(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="upper"/>'))
-        )
+        inspected(tmp_path, GOOD.replace('<parent link="base"/>', '<parent link="upper"/>'))
 
 
 def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:
@@ -370,19 +356,19 @@ def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:
       <tendon><fixed name="grip"><joint joint="f1" coef="1"/><joint joint="f2" coef="1"/></fixed></tendon>
       <actuator><position name="close" tendon="grip"/><motor name="m" joint="f3"/></actuator></mujoco>"""
     (tmp_path / "r.xml").write_text(text, encoding="utf-8")
-    found = inspection_text(inspection.inspect_model(Robot(model="r.xml"), Workspace(tmp_path, tmp_path)))
+    found = inspection_text(inspected(tmp_path, model="r.xml"))
     assert "f1 [prismatic along y, position servo 'close' on tendon 'grip']" in found
     assert "f3 [prismatic along y, motor 'm']" in found
 
 
 def test_losses_have_their_lines_and_what_follows_from_them(tmp_path: Path) -> None:
     lost = '<gazebo reference="upper"><turnGravityOff>true</turnGravityOff><provideFeedback/></gazebo>\n<zzz/></robot>'
-    found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", lost)))
+    found = inspected(tmp_path, GOOD.replace("</robot>", lost))
     text = " ".join(losses_text(found).split())
     line = GOOD.count("\n")
     assert f"robot.urdf:{line}: <turnGravityOff>true</turnGravityOff> of link 'upper' is not simulated" in text
     assert f"robot.urdf:{line + 1}: <zzz> of the model is unknown and is not read [unknown-part]" in text
     assert inspection_text(found).count("harmless-part") == 0
     feedback = '<gazebo reference="shoulder"><provideFeedback>true</provideFeedback></gazebo></robot>'
-    harmless = losses_text(inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", feedback))))
+    harmless = losses_text(inspected(tmp_path, GOOD.replace("</robot>", feedback)))
     assert "forces of joints are always known [harmless-part]" in " ".join(harmless.split())

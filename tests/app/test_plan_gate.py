@@ -1,5 +1,3 @@
-"""The use case `run --plan-gate`."""
-
 from __future__ import annotations
 
 from pathlib import Path

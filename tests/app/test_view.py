@@ -1,5 +1,3 @@
-"""From what is typed to the address of a report, and to a browser."""
-
 from __future__ import annotations
 
 import subprocess

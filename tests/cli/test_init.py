@@ -48,11 +48,9 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     assert scenario.read_text() == "mine"
     write_scaffold(tmp_path, "{}", force=True)
     assert scenario.read_text() != "mine"
-
-
-def test_nothing_is_written_if_one_file_is_there(tmp_path: Path) -> None:
-    (tmp_path / "simulation").mkdir()
-    (tmp_path / "simulation/scenario.schema.json").touch()
+    # Nothing at all is written if one file is there.
+    (tmp_path / "other/simulation").mkdir(parents=True)
+    (tmp_path / "other/simulation/scenario.schema.json").touch()
     with pytest.raises(UsageError):
-        write_scaffold(tmp_path, "{}", force=False)
-    assert not (tmp_path / ".github").exists()
+        write_scaffold(tmp_path / "other", "{}", force=False)
+    assert not (tmp_path / "other/.github").exists()

@@ -1,5 +1,3 @@
-"""From the results of shards on disk to those of one run."""
-
 from __future__ import annotations
 
 import os
@@ -186,14 +184,8 @@ def test_only_new_errors_are_annotated(monkeypatch: pytest.MonkeyPatch, capsys: 
     shard(1, outcome("a", holds=False), outcome("c"))
     listing = Listing([source("a"), source("b.sim.yml"), source("c")], [])
     assert merge_results(request(listing=listing)) is ExitCode.INVALID
-    commands = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning"))]
-    (command,) = commands
+    (command,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith(("::error", "::warning")))
     assert command.startswith("::error file=b.sim.yml,title=b.sim.yml%3A no result::no shard returned a result")
-
-
-def test_annotations_of_no_file_name_none(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setenv("GITHUB_ACTIONS", "true")
-    shard(1, outcome("a"), outcome("c"))
     merge_results(request())
     assert "\n::error title=shard 2 of 2%3A no results::shard 2 of 2 returned" in capsys.readouterr().out
 
@@ -248,20 +240,15 @@ def test_what_was_joined_elsewhere_is_joined_like_anything_else() -> None:
     assert len(read("again").outcomes) == 3
 
 
-def test_an_earlier_merge_that_is_named_itself_is_not_overwritten() -> None:
+def test_an_earlier_merge_is_neither_overwritten_nor_a_result_of_a_shard(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), total=1)
     merge_results(request())
     listing = Listing([source("a")], [])
     with pytest.raises(UsageError, match="would be overwritten; choose another"):
         merge_results(request("joined/results.json", listing=listing))
-
-
-def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.CaptureFixture[str]) -> None:
-    shard(1, outcome("a"), total=1)
-    merge_results(request())
     with pytest.raises(UsageError, match=r"no results\.json found at 'joined'"):
         merge_results(request("joined"))
-    assert merge_results(request("joined", listing=Listing([source("a")], []))) is ExitCode.INVALID
+    assert merge_results(request("joined", listing=listing)) is ExitCode.INVALID
     assert "no shard returned any results" in capsys.readouterr().out
 
 
@@ -329,19 +316,14 @@ def test_very_many_outcomes_of_one_name_take_no_longer_than_others() -> None:
     assert four_times - twice < 1.2 * 2 * (twice - once)
 
 
-def test_silenced_reports_are_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silenced_reports_and_travelled_distances(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
-    shard(1, outcome("a"), total=1)
+    shard(1, outcome("a").model_copy(update={"travelled": 1.5}), total=1)
     asked = request()
     merge_results(replace(asked, reports=replace(asked.reports, silenced=frozenset({"summary"}))))
     assert not Path("summary.md").exists()
     merge_results(asked)
     assert Path("summary.md").exists()
-
-
-def test_one_scenario_reports_how_far_it_came() -> None:
-    shard(1, outcome("a").model_copy(update={"travelled": 1.5}), total=1)
-    merge_results(request())
     assert read().travelled == 1.5
 
 

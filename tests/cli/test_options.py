@@ -13,6 +13,7 @@ from sim_action.cli.run import _ON_LISTS, _ON_PLANS, run
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
 from sim_action.robot.model.robot_spec import Robot
+from tests.integration.conftest import BOX
 
 
 def flags(*args: str, packages: tuple[str, ...] = ()) -> dict[str, object]:
@@ -62,25 +63,14 @@ def test_a_package_without_a_folder_is_an_error(
     )
 
 
-ROBOT = """\
-<robot name="box">
-  <link name="base">
-    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-    <collision><geometry><box size="1 1 1"/></geometry></collision>
-  </link>
-</robot>
-"""
-BOX = "robot: {model: package://box/box.urdf}\n"
-
-
 def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "outside").mkdir()
-    (tmp_path / "outside/box.urdf").write_text(ROBOT, encoding="utf-8")
+    (tmp_path / "outside/box.urdf").write_text(BOX, encoding="utf-8")
     (tmp_path / "repository/.git").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "repository")
-    text = "name: a\n" + BOX + "expect: [no_collision]\ntime_limit: 1 s\n"
+    text = "name: a\nrobot: {model: package://box/box.urdf}\nexpect: [no_collision]\ntime_limit: 1 s\n"
     Path("a.sim.yml").write_text(text, encoding="utf-8")
     assert call(["validate"]) == 2
     assert "or name a folder outside the repository: --package box=FOLDER" in capsys.readouterr().out
@@ -214,6 +204,7 @@ def test_an_error_names_the_allowed_numbers_and_the_found_value(type_: Bounded, 
     with pytest.raises(click.BadParameter) as raised:
         type_.convert(text, None, None)
     assert raised.value.message == message
+    assert Bounded(click.IntRange(1, 256)).convert("256", None, None) == 256
 
 
 @pytest.mark.parametrize(
@@ -239,7 +230,3 @@ def test_a_path_is_not_the_value_of_an_option_without_one(
         assert len(context.params["paths"]) == 1
     with pytest.raises(click.BadParameter, match="'numerical', 'full'"):
         run.make_context("run", ["--confidence", "ful"])
-
-
-def test_a_number_within_the_bounds_is_taken() -> None:
-    assert Bounded(click.IntRange(1, 256)).convert("256", None, None) == 256

@@ -1,5 +1,3 @@
-"""`sim-action` without a command."""
-
 from __future__ import annotations
 
 import errno

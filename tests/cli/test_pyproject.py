@@ -57,14 +57,12 @@ def test_each_subcommand_gets_what_it_takes(folder: Path) -> None:
     assert stated(folder, table, "schema") == {}
     assert stated(folder, 'unexercised = "warn"') == {"unexercised": "warn"}
     assert stated(folder, 'unexercised = "warn"', "merge") == {}
+    for command in ("run", "validate", "prove", "compare"):
+        has_it = command in ("run", "validate")
+        assert stated(folder, "strict = true", command) == ({"strict": True} if has_it else {})
     # A file that has but the name is not read.
     (folder / "pyproject.toml").write_text('[project]\nname = "sim-action"\n[tool.ruff]\nthis is no TOML')
     assert default_map("run", folder) == {}
-
-
-@pytest.mark.parametrize(("command", "has"), [("run", True), ("validate", True), ("prove", False), ("compare", False)])
-def test_strict_is_of_runs_and_checks_alone(command: str, has: bool, folder: Path) -> None:
-    assert stated(folder, "strict = true", command) == ({"strict": True} if has else {})
 
 
 @pytest.mark.parametrize(
@@ -89,6 +87,8 @@ def test_the_table_may_be_written_in_any_way_that_toml_has(folder: Path, text: s
 def test_every_key_is_an_option_that_a_subcommand_has() -> None:
     keys = {name: set(subcommand.keys) for name, subcommand in SUBCOMMANDS.items()}
     assert set().union(*keys.values()) == set(Defaults.model_fields)
+    # None of them permits anything.
+    assert not {"allow_scripts", "pass_env", "allow_outside", "shard", "force"} & set(Defaults.model_fields)
     for subcommand, names in keys.items():
         parameters = {parameter.name: parameter for parameter in program.commands[subcommand].params}
         assert names <= set(parameters)
@@ -98,10 +98,6 @@ def test_every_key_is_an_option_that_a_subcommand_has() -> None:
             key = Defaults.model_fields[name].alias or name
             assert f"--{key}" in parameter.opts
             assert parameter.envvar == f"SIM_ACTION_{name.upper()}"
-
-
-def test_nothing_in_it_permits_anything() -> None:
-    assert not {"allow_scripts", "pass_env", "allow_outside", "shard", "force"} & set(Defaults.model_fields)
 
 
 def test_a_path_that_does_not_exist_is_an_error_at_its_line(

@@ -1,5 +1,3 @@
-"""What all command sources have in common."""
-
 from __future__ import annotations
 
 import pickle

@@ -1,5 +1,3 @@
-"""Motors give what they can."""
-
 from __future__ import annotations
 
 from dataclasses import replace

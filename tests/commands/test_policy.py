@@ -42,6 +42,7 @@ from tests.scenarios import told
 
 ARM = Path(__file__).parents[2] / "examples/commands/arm.urdf"
 DRIVEN = ("turntable", "shoulder", "elbow", "left_finger_joint")
+KEYS: dict[str, Any] = {"policy": "a.onnx", "order": DRIVEN[:3], "rate": 60.0, "action": {"joints": "effort"}}
 
 
 def text(policy: str) -> str:
@@ -73,9 +74,7 @@ def opened(
     workspace = Workspace(folder, folder)
     robot = Robot.model_validate({"model": "arm.urdf", "base": "fixed", "joints": {"shoulder": "10 deg"}})
     scene = Scene(robot, load_model(robot, workspace), world or World(), Physics(), workspace, sensors=sensors)
-    spec = PolicyCommands.model_validate(
-        {"policy": "a.onnx", "order": ("turntable", "shoulder", "elbow"), "rate": 60.0, **keys}
-    )
+    spec = PolicyCommands.model_validate({**KEYS, **keys})
     assert list(spec.problems(workspace)) == []
     assert list(spec.model_problems(scene)) == []
     controller = spec.open(scene)
@@ -138,28 +137,26 @@ HOME = math.radians(10)
 )
 def test_terms_are_as_formulas_say(term: Any, values: list[float], folder: Path) -> None:
     schedule: dict[str, Any] = {"commands": (0.5, 0, -0.25)} if term == "commands" else {}
-    controller = opened(
-        folder, identity(3), IMU, observation=(term,), action={"joints": "effort"}, rate=50.0, **schedule
-    )
+    controller = opened(folder, identity(3), IMU, observation=(term,), rate=50.0, **schedule)
     assert efforts(controller.command(NOW)) == pytest.approx(values, abs=1e-12)
 
 
 def test_gravity_is_that_of_the_world(folder: Path) -> None:
     world = World.model_validate({"gravity": (3.0, 0.0, -4.0)})
-    controller = opened(folder, identity(3), world=world, observation=("gravity",), action={"joints": "effort"})
+    controller = opened(folder, identity(3), world=world, observation=("gravity",))
     assert efforts(controller.command(NOW)) == pytest.approx(in_base((0.6, 0.0, -0.8)))
 
 
 def test_single_numbers_are_joined_in_their_order(folder: Path) -> None:
     terms = ("time", "base.height", {"term": "phase.cos", "period": 0.8, "shift": 0.25})
-    controller = opened(folder, identity(3), observation=terms, action={"joints": "effort"})
+    controller = opened(folder, identity(3), observation=terms)
     phase = 2 * math.pi * (0.3 / 0.8 + 0.25)
     assert efforts(controller.command(NOW)) == pytest.approx([0.3, 0.5, math.cos(phase)])
 
 
 def test_commands_change_over_time(folder: Path) -> None:
     segments = ({"linear": 1, "for": 0.5}, {"lateral": 2, "for": 0.5})
-    controller = opened(folder, identity(3), observation=("commands",), commands=segments, action={"joints": "effort"})
+    controller = opened(folder, identity(3), observation=("commands",), commands=segments)
     found = [efforts(controller.command(replace(NOW, time=time))) for time in (0.0, 0.49, 0.5, 1.0)]
     assert found == [[1, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 0]]
 
@@ -200,15 +197,9 @@ def test_history_is_oldest_first(history: dict[str, Any], expected: list[list[in
     flat = [value for pair in expected for value in pair]
     for place, value in enumerate(flat):
         weights = [[float(row == place)] for row in range(6)]
-        (folder / "a.onnx").write_bytes(b"")
-        controller = opened(
-            folder,
-            linear(weights, [0], DOUBLE),
-            observation=("time", {"term": "base.height", "scale": 18}),
-            order=("elbow",),
-            history=history,
-            action={"joints": "velocity"},
-        )
+        keys: dict[str, Any] = {"order": ("elbow",), "history": history, "action": {"joints": "velocity"}}
+        terms = ("time", {"term": "base.height", "scale": 18})
+        controller = opened(folder, linear(weights, [0], DOUBLE), observation=terms, **keys)
         answer = controller.command(replace(NOW, time=0.0))
         assert isinstance(answer, JointTargets)
         assert answer.velocity["elbow"] == pytest.approx(min(3.0, value)), place  # clipped to the limit of the model
@@ -217,7 +208,7 @@ def test_history_is_oldest_first(history: dict[str, Any], expected: list[list[in
 def test_a_recurrent_network_remembers(folder: Path) -> None:
     keys: dict[str, Any] = {"state": {"h_in": "h_out"}, "order": ("turntable", "shoulder")}
     keys["observation"] = ("time", "base.height")
-    controller = opened(folder, recurrent(), action={"joints": "effort"}, **keys)
+    controller = opened(folder, recurrent(), **keys)
     found = [controller.command(NOW) for _ in range(3)]
     assert [list(each.effort.values()) for each in found if isinstance(each, JointTargets)] == [
         pytest.approx([0.3 * count, 0.5 * count]) for count in (1, 2, 3)
@@ -228,7 +219,7 @@ def test_several_inputs_have_terms_by_name(folder: Path) -> None:
     nodes = [node("Sub", ["a", "b"], ["y"])]
     network = model(nodes, {"b": ("batch", 1), "a": (1, 1)}, {"y": (1, 1)}, kind=DOUBLE)
     inputs = {"a": ("base.height",), "b": ("time",)}
-    controller = opened(folder, network, inputs=inputs, order=("elbow",), action={"joints": "effort"})
+    controller = opened(folder, network, inputs=inputs, order=("elbow",))
     answer = controller.command(NOW)
     assert isinstance(answer, JointTargets)
     assert answer.effort == pytest.approx({"elbow": 0.2})
@@ -236,9 +227,8 @@ def test_several_inputs_have_terms_by_name(folder: Path) -> None:
 
 def test_soft_motors_act_at_every_physics_step(folder: Path) -> None:
     action = {"joints": "position", "offset": "home", "stiffness": 10, "damping": {"elbow": 2, "*": 0}}
-    controller = opened(
-        folder, linear([[1, 1, 1]], [0, 0, 0], DOUBLE), observation=("time",), rate=120.0, action=action
-    )
+    network = linear([[1, 1, 1]], [0, 0, 0], DOUBLE)
+    controller = opened(folder, network, observation=("time",), rate=120.0, action=action)
     spring = [10 * (0.3 - 0.1), 10 * (HOME + 0.3 - 0.2), 10 * (0.3 - 0.3) - 2 * 0.03]
     assert efforts(controller.command(NOW)) == pytest.approx(spring)
     # 240 Hz: the network runs at every other step.
@@ -252,7 +242,7 @@ def test_soft_motors_act_at_every_physics_step(folder: Path) -> None:
 
 @pytest.mark.parametrize("bias", [math.nan, math.inf])
 def test_an_output_that_is_not_finite_is_an_error(bias: float, folder: Path) -> None:
-    controller = opened(folder, linear([[1, 1, 1]], [0, bias, 0]), observation=("time",), action={"joints": "effort"})
+    controller = opened(folder, linear([[1, 1, 1]], [0, bias, 0]), observation=("time",))
     with pytest.raises(ScriptError) as raised:
         controller.command(NOW)
     assert str(raised.value) == f"the network returned {bias} for joint 'shoulder'; its inputs are finite, at most 0.3"
@@ -355,42 +345,36 @@ def test_a_term_too_large_for_the_type_of_the_input_is_named(history: dict[str, 
     width = 4 if history is None else 8
     network = linear([[0, 0, 0]] * width, [0, 0, 0])
     observation = ("gravity", {"term": "time", "scale": 1e300})
-    controller = opened(folder, network, observation=observation, action={"joints": "effort"}, history=history)
-    with pytest.raises(
-        ScriptError, match=r"^the term 'time' of the observation has the value 3e\+299, which is too large"
-    ):
+    controller = opened(folder, network, observation=observation, history=history)
+    with pytest.raises(ScriptError, match=r"^the term 'time' of the observation has the value 3e\+299, which is too"):
         controller.command(NOW)
 
 
 def test_soft_velocity_motors_brake_towards_their_target(folder: Path) -> None:
-    controller = opened(
-        folder,
-        linear([[1, 1, 1]], [0, 0, 0], DOUBLE),
-        observation=("time",),
-        action={"joints": "velocity", "damping": (2, 3, 4)},
-    )
+    action = {"joints": "velocity", "damping": (2, 3, 4)}
+    controller = opened(folder, linear([[1, 1, 1]], [0, 0, 0], DOUBLE), observation=("time",), action=action)
     speeds = [NOW.joints[name].velocity for name in ("turntable", "shoulder", "elbow")]
     expected = [gain * (0.3 - speed) for gain, speed in zip((2, 3, 4), speeds, strict=True)]
     assert efforts(controller.command(NOW)) == pytest.approx(expected)
 
 
 def test_a_term_that_is_not_finite_is_named(folder: Path) -> None:
-    controller = opened(folder, identity(3), observation=("joints.velocity",), action={"joints": "effort"})
+    controller = opened(folder, identity(3), observation=("joints.velocity",))
     joints = {**NOW.joints, "elbow": JointState(0.0, math.inf, 0.0)}
-    with pytest.raises(
-        ScriptError, match=r"the term 'joints\.velocity' of the observation has a value that is not finit"
-    ):
+    with pytest.raises(ScriptError, match=r"the term 'joints\.velocity' of the observation has a value that is not f"):
         controller.command(replace(NOW, joints=joints))
 
 
 def test_without_onnxruntime_the_way_to_install_it_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
     with pytest.raises(SourceProblem, match=r"pip install 'sim-action\[policy\]', or in a workflow set the input"):
-        opened(folder, identity(3), observation=("gravity",), action={"joints": "effort"})
+        opened(folder, identity(3), observation=("gravity",))
 
 
+GRAVITY = "observation: [gravity]"
 ALL = "order: [turntable, shoulder, elbow]"
 EFFORT = "action: {joints: effort}"
+TEXTS = model([node("Identity", ["x"], ["y"])], {"x": (3,)}, {"y": (3,)}, kind=TEXT)
 
 
 REFUSED_KEYS = [
@@ -419,10 +403,7 @@ REFUSED_ACTIONS = [
     ("joints: effort, scale: .nan", "expected a number, a list with a nu"),
     ("joints: torque", "expected 'position', 'velocity' or 'eff"),
     ("joints: effort, scale: [1, 2]", "has 2 numbers for 3 joints (turntable, shoulder, elbow)"),
-    (
-        "joints: position, offset: {shoulder: 1}",
-        "action.offset: joint 'turntable' has no value; add it, or a pattern such as '*'",
-    ),
+    ("joints: position, offset: {shoulder: 1}", "action.offset: joint 'turntable' has no value; add it, or a pattern"),
     (
         "joints: position, offset: {elbw: 1, '*': 0}",
         "action.offset.elbw: no joint of the policy matches 'elbw'; did you mean 'elbow'?",
@@ -442,56 +423,33 @@ REFUSED_ACTIONS = [
     ("network", "keys", "problem"),
     [
         *((identity(3), f"{keys}, {ALL}, {EFFORT}", problem) for keys, problem in REFUSED_KEYS),
-        *(
-            (identity(3), f"observation: [gravity], {ALL}, action: {{{keys}}}", problem)
-            for keys, problem in REFUSED_ACTIONS
-        ),
-        (identity(3), f"observation: [gravity], {ALL}, {EFFORT}, rate: null", "commands.policy.rate: "),
-        (
-            identity(3),
-            f"observation: [gravity], {EFFORT}",
-            "commands.policy.action: the network's output 'actions' has 3 numbers, for 4 joints: turntable, ",
-        ),
-        (identity(3), f"observation: [gravity], order: [elbo], {EFFORT}", "order.0: the model has no moving joint 'el"),
-        (identity(3), f"observation: [gravity], order: ['right_finger*'], {EFFORT}", "none of these joints has a moto"),
-        (
-            identity(3),
-            f"observation: [gravity], order: [elbow], {EFFORT}",
-            "the network's output 'actions' has 3 numbers, for 1 joint: elbow; name those",
-        ),
+        *((identity(3), f"{GRAVITY}, {ALL}, action: {{{keys}}}", problem) for keys, problem in REFUSED_ACTIONS),
+        (identity(3), f"{GRAVITY}, {ALL}, {EFFORT}, rate: null", "commands.policy.rate: "),
+        (identity(3), f"{GRAVITY}, {EFFORT}", "action: the network's output 'actions' has 3 numbers, for 4 joints: tu"),
+        (identity(3), f"{GRAVITY}, order: [elbo], {EFFORT}", "order.0: the model has no moving joint 'el"),
+        (identity(3), f"{GRAVITY}, order: ['right_finger*'], {EFFORT}", "none of these joints has a moto"),
+        (identity(3), f"{GRAVITY}, order: [elbow], {EFFORT}", "'actions' has 3 numbers, for 1 joint: elbow; name th"),
         (
             identity(1),
             f"observation: [time], order: [right_finger_joint], {EFFORT}",
             "order.0: joint 'right_finger_joint' cannot be commanded: it mimics 'left_finger_joint'",
         ),
+        (identity(3), f"{GRAVITY}, order: [elbow, elbow], {EFFORT}", "order.1: joint 'elbow' stands twice; remove one"),
         (
             identity(3),
-            f"observation: [gravity], order: [turntable, shoulder, shoulder], {EFFORT}",
-            "order.2: joint 'shoulder' stands twice; remove one of them",
-        ),
-        (
-            identity(3),
-            f"observation: [gravity], {ALL}, latency: 10 ms, action: {{joints: velocity, damping: 3}}",
+            f"{GRAVITY}, {ALL}, latency: 10 ms, action: {{joints: velocity, damping: 3}}",
             "cannot be combined with latency, jitter or dropouts",
         ),
         (identity(3), f"{ALL}, {EFFORT}", "give the terms in 'observation' or 'inputs', or give 'pictures'"),
-        (recurrent(), f"observation: [gravity], {ALL}, {EFFORT}", "is for one input, and the network has 'obs' (1 x 2"),
+        (recurrent(), f"{GRAVITY}, {ALL}, {EFFORT}", "is for one input, and the network has 'obs' (1 x 2"),
         (recurrent(), f"inputs: {{obs: [gravity]}}, output: actions, {ALL}, {EFFORT}", "the network also takes 'h_in'"),
-        (
-            recurrent(),
-            f"observation: [gravity], state: {{h_in: h_ot}}, {ALL}, {EFFORT}",
-            "state.h_in: the network has no output 'h_ot'; did you mean 'h_out'?",
-        ),
+        (recurrent(), f"{GRAVITY}, state: {{h_in: h_ot}}, {ALL}, {EFFORT}", "no output 'h_ot'; did you mean 'h_out'?"),
         (recurrent(), f"inputs: {{obs: [gravity], h_in: [time]}}, {ALL}, {EFFORT}", "has several outputs; add 'output"),
-        (
-            model([node("Identity", ["x"], ["y"])], {"x": (3,)}, {"y": (3,)}, kind=TEXT),
-            f"observation: [gravity], {ALL}, {EFFORT}",
-            "a.onnx: input 'x' is of text, and not of numbers",
-        ),
-        (b"no network", f"observation: [gravity], {ALL}, {EFFORT}", "3:21: commands.policy.file: a.onnx is refused by"),
-        (None, f"observation: [gravity], {ALL}, {EFFORT}", "3:21: commands.policy.file: 'a.onnx' does not exist"),
-        (identity(3), f"observation: [gravity], {ALL}, {EFFORT}, rate: 7 kHz", "policy.rate: 7000 Hz does not divide"),
-        (identity(3), f"observation: [gravity], {ALL}", "the key 'action' is missing"),
+        (TEXTS, f"{GRAVITY}, {ALL}, {EFFORT}", "a.onnx: input 'x' is of text, and not of numbers"),
+        (b"no network", f"{GRAVITY}, {ALL}, {EFFORT}", "3:21: commands.policy.file: a.onnx is refused by"),
+        (None, f"{GRAVITY}, {ALL}, {EFFORT}", "3:21: commands.policy.file: 'a.onnx' does not exist"),
+        (identity(3), f"{GRAVITY}, {ALL}, {EFFORT}, rate: 7 kHz", "policy.rate: 7000 Hz does not divide"),
+        (identity(3), f"{GRAVITY}, {ALL}", "the key 'action' is missing"),
     ],
     ids=lambda value: "" if isinstance(value, bytes | None) else None,
 )
@@ -505,7 +463,7 @@ def test_what_does_not_fit_is_told_on_its_line(network: bytes | None, keys: str,
 
 def test_a_joint_or_gravity_that_is_not_there_has_one_problem(folder: Path) -> None:
     (folder / "a.onnx").write_bytes(identity(3))
-    (found,) = told(folder, text(f"observation: [gravity], order: ['k*'], {EFFORT}"))
+    (found,) = told(folder, text(f"{GRAVITY}, order: ['k*'], {EFFORT}"))
     assert "no moving joint" in found
-    (found,) = told(folder, text(f"observation: [gravity], {ALL}, {EFFORT}") + "world: {gravity: 0}\n")
+    (found,) = told(folder, text(f"{GRAVITY}, {ALL}, {EFFORT}") + "world: {gravity: 0}\n")
     assert "observation.0.term: the world has no gravity; change world.gravity" in found

@@ -52,7 +52,7 @@ NOW = Observation(
     joints={"shoulder": JointState(0.2, 0.0, 0.0), "elbow": JointState(0.3, 0.0, 0.0)},
     sensors={"front": CameraImage(0.0, IMAGE, np.ones((2, 3), np.float32))},
 )
-EFFORT = {"joints": "effort"}
+EFFORT, POSITION = {"joints": "effort"}, {"joints": "position"}
 PAIR: dict[str, Any] = {"observation": ("joints.position",), "action": EFFORT}
 
 
@@ -119,11 +119,7 @@ ROWS: dict[str, tuple[bytes, dict[str, Any], list[float]]] = {
     "batch of the training": (model([MATMUL], {"obs": (4, 2)}, {"actions": (4, 2)}, [W]), PAIR, [0.2, 0.3]),
     "wrong batch of the output": (model([MATMUL], {"obs": ("N", 2)}, {"actions": (4, 2)}, [W]), PAIR, [0.2, 0.3]),
     "free number of steps": (FREE_STEPS, {**PAIR, "history": {"frames": 3}}, [0.6, 0.9]),
-    "recurrent": (
-        recurrent(),
-        {**PAIR, "state": {"h_in": "h_out"}, "output": "actions"},
-        [0.2, 0.3],
-    ),
+    "recurrent": (recurrent(), {**PAIR, "state": {"h_in": "h_out"}, "output": "actions"}, [0.2, 0.3]),
     "constants": (
         with_({"seq_lens": INT32, "is_training": BOOL, "a": INT32, "b": BOOL},
               [node("Identity", ["seq_lens"], ["a"]), node("Identity", ["is_training"], ["b"])],
@@ -191,12 +187,8 @@ def test_a_chunk_is_executed_and_then_the_network_is_asked_again(folder: Path) -
     # As ACT: the oldest of the predictions for a tick has the greatest weight.
     keys = {**PAIR, "action": {**EFFORT, "ensemble": 0.5}}
     weights = [1, math.exp(-0.5), math.exp(-1)]
-    expected = [
-        0.0,
-        (2 * weights[0] + 0 * weights[1]) / sum(weights[:2]),
-        (4 * weights[0] + 2 * weights[1]) / sum(weights),
-        (4 * weights[0] + 2 * weights[1]) / sum(weights),
-    ]
+    full = (4 * weights[0] + 2 * weights[1]) / sum(weights)
+    expected = [0.0, (2 * weights[0] + 0 * weights[1]) / sum(weights[:2]), full, full]
     assert [commanded(folder, network, keys, ticks)[0] for ticks in (1, 2, 3, 4)] == pytest.approx(expected)
 
 
@@ -250,19 +242,11 @@ def test_a_scenario_need_not_repeat_what_the_network_states(folder: Path) -> Non
 
 @pytest.mark.parametrize(
     ("scale", "clip"),
-    [
-        ("[0.500, 2.000],0.5", "[-inf, inf],[-3.0, 3.0]"),
-        # mjlab 1.6
-        ("0.500;2.000,0.500", "-inf;inf,-3.000;3.000"),
-    ],
+    [("[0.500, 2.000],0.5", "[-inf, inf],[-3.0, 3.0]"), ("0.500;2.000,0.500", "-inf;inf,-3.000;3.000")],  # mjlab 1.6
 )
 def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: Path, scale: str, clip: str) -> None:
-    texts = {
-        "observation_terms_scale": scale,
-        "observation_terms_clip": clip,
-        "observation_terms_history_length": "1.000,0.000",
-    }
-    spec, _, problems = loaded(folder, stating(**texts), {})
+    texts = {"observation_terms_scale": scale, "observation_terms_clip": clip}
+    spec, _, problems = loaded(folder, stating(**texts, observation_terms_history_length="1.000,0.000"), {})
     assert problems == []
     assert [(term.scale, term.clip, term.frames) for term in spec.observation] == [((0.5, 2.0), None, 1), (0.5, 1.5, 1)]
 
@@ -273,16 +257,16 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
         ({}, {"order": ("shoulder", "elbow")}, "order: the network states the joints elbow, shoulder, and the"),
         (
             {},
-            {"action": {"joints": "position", "scale": 0.5}},
+            {"action": {**POSITION, "scale": 0.5}},
             "action.scale: the network states 'action_scale' 0.25 for joint 'shoulder', and the scenario 0.5",
         ),
         (
             {},
-            {"action": {"joints": "position", "offset": "home"}},
+            {"action": {**POSITION, "offset": "home"}},
             "action.offset: the network states 'default_joint_pos' 0.1 for joint 'elbow', and the scenario 0",
         ),
-        ({}, {"action": {"joints": "position", "stiffness": None, "damping": None}}, None),
-        ({}, {"action": {"joints": "position", "scale": (0.5002, 0.25)}}, None),
+        ({}, {"action": {**POSITION, "stiffness": None, "damping": None}}, None),
+        ({}, {"action": {**POSITION, "scale": (0.5002, 0.25)}}, None),
         (
             {},
             {"observation": ("joints.velocity", "last_action")},
@@ -318,7 +302,7 @@ def test_terms_have_the_scale_clip_and_history_that_the_network_states(folder: P
             {},
             "action: the network states an actuator of joint 'shoulder'",
         ),
-        (MOTORS, {"action": {"joints": "position", "stiffness": 20, "damping": 1}}, None),
+        (MOTORS, {"action": {**POSITION, "stiffness": 20, "damping": 1}}, None),
         ({"joint_damping": "1,soft"}, {}, "policy: a.onnx states 'soft' in 'joint_damping', which is not a number"),
     ],
 )

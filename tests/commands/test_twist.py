@@ -1,5 +1,3 @@
-"""Twists over time."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Waypoints: what a scenario may say of them, and what it is told."""
-
 from __future__ import annotations
 
 import dataclasses

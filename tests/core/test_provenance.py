@@ -1,5 +1,3 @@
-"""What a run was made with."""
-
 from __future__ import annotations
 
 import platform

@@ -1,5 +1,3 @@
-"""Quantities as people write them, to and from SI."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""Which files a scenario may name."""
-
 from __future__ import annotations
 
 import os

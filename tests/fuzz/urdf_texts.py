@@ -115,15 +115,8 @@ def _origin(chance: Chance) -> list[str]:
     if chance.random() < 0.4:
         return []
     xyz, rpy = _triple(chance, 1.0), _triple(chance, math.pi)
-    return [f"<origin {' '.join(chance.choice(([xyz_(xyz), rpy_(rpy)], [rpy_(rpy)], [xyz_(xyz)], [])))}/>"]
-
-
-def xyz_(text: str) -> str:
-    return f'xyz="{text}"'
-
-
-def rpy_(text: str) -> str:
-    return f'rpy="{text}"'
+    place, turn = f'xyz="{xyz}"', f'rpy="{rpy}"'
+    return [f"<origin {' '.join(chance.choice(([place, turn], [turn], [place], [])))}/>"]
 
 
 def _triple(chance: Chance, reach: float) -> str:
@@ -153,9 +146,7 @@ def spelled(chance: Chance, value: float) -> str:
 
 
 def _joint(chance: Chance, name: str, parent: str, child: str) -> str:
-    kind = chance.choice(
-        ("revolute", "revolute", "continuous", "continuous", "prismatic", "fixed", "fixed", "floating")
-    )
+    kind = chance.choice(_KINDS)
     kind = "planar" if kind == "floating" and chance.random() < 0.5 else kind
     name = chance.choice(ODD_NAMES) + name if chance.random() < 0.1 else name
     parts = [f"<parent link={quoteattr(parent)}/>", f"<child link={quoteattr(child)}/>", *_origin(chance)]

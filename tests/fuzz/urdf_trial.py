@@ -235,23 +235,17 @@ def _pose_differences(
             pybullet.resetJointState(robot, info[0], position, physicsClientId=client)
     com = Pose(*pybullet.getBasePositionAndOrientation(robot, client))
     inertial = Pose(*pybullet.getDynamicsInfo(robot, -1, client)[3:5])
-    base = geometry.compose(com, _inverse(inertial))
+    base = geometry.compose(com, geometry.inverse(inertial))
     poses = link_poses(model, {joint.name: position for joint in model.moving_joints})
     for name, info in infos.items():
         child = model.joints_by_name[name].child
         state = pybullet.getLinkState(robot, info[0], computeForwardKinematics=1, physicsClientId=client)
-        found = geometry.compose(_inverse(base), Pose(state[4], state[5]))
+        found = geometry.compose(geometry.inverse(base), Pose(state[4], state[5]))
         if not _same(found, poses[child]):
             yield f"link {child}, joints at {position}: {found}, we have {poses[child]}"
     for name, info in infos.items():
         if model.joints_by_name[name].moves:
             pybullet.resetJointState(robot, info[0], 0.0, physicsClientId=client)
-
-
-def _inverse(pose: Pose) -> Pose:
-    back = geometry.conjugate(pose.orientation_xyzw)
-    x, y, z = geometry.rotate(back, pose.position_xyz)
-    return Pose((-x, -y, -z), back)
 
 
 def _same(found: Pose, wanted: Pose) -> bool:

@@ -51,17 +51,13 @@ class Gone(ChildProcess):
     ],
 )
 def test_what_windows_ends_is_told_from_what_ends_itself(tmp_path: Path, code: int, title: str, cause: str) -> None:
-    (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, memory_is_limited=False)
-    (failure,) = outcome_of(Gone.start(job), code).failures
+    (failure,) = outcome_of(child(tmp_path, memory_is_limited=False), code).failures
     assert (failure.kind, failure.title) == ("crash", title)
     assert cause in failure.message
 
 
 def test_memory_that_is_not_limited_is_not_said_to_be(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, memory_is_limited=False)
-    gone = Gone.start(job)
+    gone = child(tmp_path, memory_is_limited=False)
     gone.report = ChildReport(output=b"terminate called after throwing an instance of 'std::bad_alloc'\n")
     (failure,) = outcome_of(gone, -6).failures
     assert failure.kind == "memory"
@@ -72,10 +68,11 @@ SCRIPT = "def stand(observation):\n    return None\n"
 BY_SCRIPT = SCENARIO.replace("expect:", "commands: {script: ctl.py, function: stand, rate: 10 Hz}\nexpect:")
 
 
-def child(folder: Path, text: str = SCENARIO) -> Gone:
+def child(folder: Path, text: str = SCENARIO, *, memory_is_limited: bool = True) -> Gone:
     (folder / "ctl.py").write_text(SCRIPT)
     (folder / "a.sim.yml").write_text(text)
-    return Gone.start(Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder))
+    loaded = load_scenario(folder / "a.sim.yml")
+    return Gone.start(Job(loaded, folder / "t.npz", folder, memory_is_limited=memory_is_limited))
 
 
 @pytest.mark.parametrize(
@@ -255,7 +252,5 @@ def test_an_interpreter_that_could_not_open_its_files_has_not_begun(
 
 
 def test_outcomes_have_the_tags_of_their_scenario(tmp_path: Path) -> None:
-    (tmp_path / "a.sim.yml").write_text(f"tags: [nightly, slow]\n{SCENARIO}")
-    loaded = load_scenario(tmp_path / "a.sim.yml")
-    job = Job(loaded, tmp_path / "t.npz", tmp_path, memory_is_limited=False)
-    assert skipped(loaded).tags == outcome_of(Gone.start(job), 3).tags == ("nightly", "slow")
+    gone = child(tmp_path, f"tags: [nightly, slow]\n{SCENARIO}")
+    assert skipped(gone.job.loaded).tags == outcome_of(gone, 3).tags == ("nightly", "slow")

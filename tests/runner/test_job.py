@@ -1,5 +1,3 @@
-"""The outcome that a child process writes for its parent, in a file and in memory."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""What an engine prints, as diagnostics."""
-
 from __future__ import annotations
 
 import os
@@ -75,13 +73,12 @@ STUCK = """\
 import sys, threading, time
 from pathlib import Path
 from sim_action.runner.process_output import dump_stack_before
-from sim_action.runner.process_output import dump_stack_before
 
 def inner():
+    dump_stack_before(time.monotonic() + 1, Path(sys.argv[1]))
     while "in <module>" not in Path(sys.argv[1]).read_text():
         pass
 
-dump_stack_before(time.monotonic() + 2, Path(sys.argv[1]))
 threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
 inner()
 """
@@ -90,7 +87,6 @@ inner()
 BUSY = """\
 import sys, time
 from pathlib import Path
-from sim_action.runner.process_output import dump_stack_before
 from sim_action.runner.process_output import dump_stack_before
 
 def deep(count):
@@ -124,7 +120,7 @@ def test_a_process_notes_where_it_is(tmp_path: Path) -> None:
     place = place_in_stack_dump((tmp_path / "noted").read_text(), [tmp_path / "other.py", program])
     assert place is not None
     assert place.file == str(program)
-    assert place.line in (6, 7)
+    assert place.line in (6, 7, 8)
 
 
 def test_the_innermost_line_of_the_users_files_counts() -> None:

@@ -126,8 +126,24 @@ def test_a_workspace_that_was_renamed_keeps_its_keys(kind: Kind, folder: Path, m
     assert kind() == first is not None
 
 
-def test_scenarios_have_keys_of_their_own() -> None:
+def test_which_files_of_a_scenario_count(folder: Path) -> None:
     assert native() != scripted()
+    before, other = native(), scripted()
+    edited("rock.obj")
+    assert native() != before
+    assert scripted() == other
+    edited("ignored")
+    assert scripted() == other
+    before = scripted()
+    edited("scripted.sim.yml", "environment: {MY_ROBOT: fast}\n")
+    assert scripted() not in (None, before)
+    Path("ignored").write_text("friction\n0.5\n", encoding="utf-8")
+    text = f"{NATIVE}variations: {{world.ground.friction: {{csv: ignored, column: friction}}}}\n"
+    Path("native.sim.yml").write_text(text, encoding="utf-8")
+    before = native()
+    assert before == native() is not None
+    Path("ignored").write_text("friction\n0.6\n", encoding="utf-8")
+    assert native() not in (before, None)
 
 
 @KINDS
@@ -136,15 +152,6 @@ def test_every_file_that_git_sees_counts(kind: Kind, name: str) -> None:
     before = kind()
     edited(name)
     assert kind() != before
-
-
-def test_an_ignored_file_counts_if_the_scenario_names_it() -> None:
-    before, other = native(), scripted()
-    edited("rock.obj")
-    assert native() != before
-    assert scripted() == other
-    edited("ignored")
-    assert scripted() == other
 
 
 @KINDS
@@ -188,12 +195,6 @@ def test_passed_variables_count_for_user_code(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("MY_ROBOT", "fast")
     assert key(options=passing) not in (None, before)
     assert key(plan("native.sim.yml"), passing) == other
-
-
-def test_variables_of_the_scenario_count() -> None:
-    before = scripted()
-    edited("scripted.sim.yml", "environment: {MY_ROBOT: fast}\n")
-    assert scripted() not in (None, before)
 
 
 @KINDS
@@ -349,16 +350,6 @@ def test_the_reason_is_known_if_the_workspace_is_not(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("PATH", os.devnull)
     run = plan("scripted.sim.yml")
     assert "git was not found" in (RunKeys([run.source.path], OPTIONS, []).unknown(run) or "")
-
-
-def test_the_samples_of_a_table_belong_to_the_key(folder: Path) -> None:
-    Path("ignored").write_text("friction\n0.5\n", encoding="utf-8")
-    text = f"{NATIVE}variations: {{world.ground.friction: {{csv: ignored, column: friction}}}}\n"
-    Path("native.sim.yml").write_text(text, encoding="utf-8")
-    before = native()
-    assert before == native() is not None
-    Path("ignored").write_text("friction\n0.6\n", encoding="utf-8")
-    assert native() not in (before, None)
 
 
 CRASH = Failure(kind="crash", title="SIGSEGV", message="it crashed")

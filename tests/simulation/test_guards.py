@@ -28,6 +28,7 @@ from tests.simulated import simulated
 from tests.traces import BURGER, START, WHEELS, piece, scene, trace
 
 LEFT, RIGHT = WHEELS
+BASE = "the base link base_footprint"
 TIMES = [0.0, 1 / 240, 2 / 240, 3 / 240]
 
 
@@ -48,7 +49,7 @@ def fault(moments: Trace, dog: Watchdog | None = None) -> str:
 def test_what_is_no_number_is_seen_in_every_column(column: int, value: float) -> None:
     moments = trace(TIMES)
     moments.state[2, column] = value
-    part = "the base link base_footprint" if column < 14 else f"joint {WHEELS[(column - 14) % 2]}"
+    part = BASE if column < 14 else f"joint {WHEELS[(column - 14) % 2]}"
     assert fault(moments).startswith(
         f"simulation unstable at t = 0.008 s (step 2), first in {part}: its state is not a number; usual causes:"
     )
@@ -57,17 +58,11 @@ def test_what_is_no_number_is_seen_in_every_column(column: int, value: float) ->
 @pytest.mark.parametrize(
     ("moments", "what"),
     [
-        (trace(TIMES, speed=[0, 1, 120, 130]), "the base link base_footprint: 120 m/s, and the bound is 100 m/s;"),
-        (
-            trace(TIMES, turn_rate=[0, 1, -1000, 0]),
-            "the base link base_footprint: 1000 rad/s, and the bound is 1000 rad/s;",
-        ),
+        (trace(TIMES, speed=[0, 1, 120, 130]), f"{BASE}: 120 m/s, and the bound is 100 m/s;"),
+        (trace(TIMES, turn_rate=[0, 1, -1000, 0]), f"{BASE}: 1000 rad/s, and the bound is 1000 rad/s;"),
         (trace(TIMES, velocity=[0, 999, -1000, 0]), f"joint {LEFT}: 1000 rad/s, and the bound is 1000 rad/s;"),
-        (
-            trace(TIMES, y=[0, 0, -1.2e4, -1.2e4]),
-            "the base link base_footprint: 1.2e+04 m from where it began, and the bound is 1e+04 m;",
-        ),
-        (trace(TIMES, z=[0, 0, -2, -3]), "the base link base_footprint: 2 m below the ground, and the bound is 1.0"),
+        (trace(TIMES, y=[0, 0, -1.2e4, 0]), f"{BASE}: 1.2e+04 m from where it began, and the bound is 1e+04 m;"),
+        (trace(TIMES, z=[0, 0, -2, -3]), f"{BASE}: 2 m below the ground, and the bound is 1.0"),
     ],
 )
 def test_the_first_step_beyond_a_bound_is_named(moments: Trace, what: str) -> None:
@@ -260,6 +255,5 @@ def test_a_robot_that_nothing_carries_or_below_the_ground_is_an_error(tmp_path: 
 # MuJoCo bears these.
 @pytest.mark.pybullet
 def test_steps_that_are_too_long_are_an_error(tmp_path: Path) -> None:
-    assert "time steps that are too long (raise physics.rate)" in unstable(
-        tmp_path, ", pose: {z: 4}", "physics: {rate: 5}"
-    )
+    message = unstable(tmp_path, ", pose: {z: 4}", "physics: {rate: 5}")
+    assert "time steps that are too long (raise physics.rate)" in message

@@ -1,5 +1,3 @@
-"""What a run leaves behind that never came to its first step."""
-
 from __future__ import annotations
 
 import os

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -44,10 +44,15 @@ ARM = RobotModel(
 )
 
 
+def scene(z: float | None = 0.1, base: str = "free", **keys: Any) -> Scene:
+    """The arm, with a crate and a wall in its world."""
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"x": 1, "y": 2, "z": z}})
+    return Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, **keys)
+
+
 def settled(down: float, pitch: float, z: float | None = None, base: str = "free") -> str | None:
-    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
     after = Pose((0.0, 0.0, 0.5 - down), quaternion_from_rpy(0.0, pitch, 1.0))
-    return start_checks.moved_while_settling(Scene(robot, ARM, World(), Physics(), HERE), Pose((0.0, 0.0, 0.5)), after)
+    return start_checks.moved_while_settling(scene(z, base), Pose((0.0, 0.0, 0.5)), after)
 
 
 @pytest.mark.parametrize(
@@ -72,18 +77,14 @@ def test_a_base_that_moved_while_settling_is_told(down: float, pitch: float, z: 
 def test_a_robot_that_falls_is_told_how_to_start_in_the_air(down: float, z: float | None, notes: int) -> None:
     before, after = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, 0.5 - down))
     for base, expected in (("free", notes), ("fixed", 0)):
-        robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
-        found = start_checks.fell_while_settling(Scene(robot, ARM, World(), Physics(), HERE), before, after)
+        found = start_checks.fell_while_settling(scene(z, base), before, after)
         assert (found is not None) == bool(expected)
         assert found is None or ("fell 0.25 m before t = 0" in found and "physics: {settle: 0}" in found)
 
 
 def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes: Sequence[Clash] = ()) -> list[str]:
-    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
     try:
-        start_checks.refuse_bad_start(
-            Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes
-        )
+        start_checks.refuse_bad_start(scene(z, base), Pose(), overlaps, clashes)
     except BadStart as error:
         return [".".join(map(str, path)) + f": {message}" for path, message in error.by_keys]
     return []
@@ -139,12 +140,12 @@ def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float,
     field = Heightfield(heights=((0.5, 0.5), (0.5, 0.5)), size=(2, 2))
     body = Body(name="hill", heightfield=field, pose=Placement(z=0))
     parts = {"hill": (GridPart((2, 2), np.full((2, 2), 0.5)),)}
-    scene = Scene(Robot(model="arm.urdf"), ARM, World(objects=(body,)), Physics(), HERE, parts=parts)
+    hilly = Scene(Robot(model="arm.urdf"), ARM, World(objects=(body,)), Physics(), HERE, parts=parts)
     if not is_buried:
-        start_checks.refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        start_checks.refuse_bad_start(hilly, Pose((x, 0, z)), (), ())
         return
     with pytest.raises(BadStart, match=r"starts 0.1 m below the surface of 'hill'"):
-        start_checks.refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+        start_checks.refuse_bad_start(hilly, Pose((x, 0, z)), (), ())
 
 
 @dataclass
@@ -176,16 +177,14 @@ HERE_IN_WORLD = Location("office.world", 7)
 
 
 def lifted(top: float, z: float | None, place: Location | None = None, base: str = "free") -> tuple[float, list[str]]:
-    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"x": 1, "y": 2, "z": z}})
     places = WorldPlaces({"wall": Location("office.world", 3)}, place)
-    scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=places)
     opened: list[Floor] = []
 
     def start(scene: Scene) -> Engine:
         opened.append(Floor(scene, top))
         return cast(Engine, opened[-1])
 
-    backend, notes = start_checks.opened_on_top(scene, start)
+    backend, notes = start_checks.opened_on_top(scene(z, base, places=places), start)
     assert [each.is_closed for each in opened] == [True] * (len(opened) - 1) + [False]
     assert cast(object, backend) is opened[-1]
     return opened[-1].z, list(notes)
@@ -219,11 +218,9 @@ def test_other_robots_stay_where_they_are(top: float, z: float | None, place: Lo
 
 
 def of_file(overlaps: Sequence[Overlap] = (), clashes: Sequence[Clash] = (), **places: Location) -> list[str]:
-    robot = Robot.model_validate({"model": "arm.urdf", "pose": {"z": 0.1}})
     at = WorldPlaces({name: place for name, place in places.items() if name != "robot"}, places.get("robot"))
-    scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=at)
     with pytest.raises(BadStart) as told:
-        start_checks.refuse_bad_start(scene, Pose(), overlaps, clashes)
+        start_checks.refuse_bad_start(scene(places=at), Pose(), overlaps, clashes)
     own = [".".join(map(str, path)) + f": {message}" for path, message in told.value.by_keys]
     return [*own, *map(str, told.value.elsewhere)]
 
@@ -239,10 +236,8 @@ def test_a_start_in_a_body_of_the_world_file_names_its_line() -> None:
     assert message.endswith("; raise its <pose>, or state robot.pose in the scenario")
     # Bodies of the world file may begin a little in each other.
     places = {"crate": Location("office.world", 3), "wall": Location("office.world", 5)}
-    scene = Scene(
-        Robot(model="arm.urdf"), ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=WorldPlaces(places)
-    )
-    (note,) = start_checks.refuse_bad_start(scene, Pose(), (), [Clash("crate", "wall", 0.02)])
+    touching = [Clash("crate", "wall", 0.02)]
+    (note,) = start_checks.refuse_bad_start(scene(places=WorldPlaces(places)), Pose(), (), touching)
     assert note == (
         "1 body of the world file begins a little inside others, and the engine moves them apart: "
         "'crate' begins 0.02 m deep in 'wall' (office.world:3)"

@@ -60,6 +60,7 @@ def world(more: str) -> str:
     return f"{BURGER}{DRIVE}world: {{{more}}}\n"
 
 
+BEAM: Final = objects("{name: beam, box: [0.1, 2, 0.5], pose: {x: 0.4, z: 9 m}}")
 PUSHES: Final = objects("{name: crate, box: [0.2, 0.2, 0.2], mass: 200 g, pose: {x: 0.25, z: 0.1}}")
 HUSKY: Final = "robot: {model: husky_a200}\n" + DRIVE
 CRATE: Final = objects("{name: crate, box: [0.2, 0.2, 0.2], mass: 1 kg, pose: {x: 2, y: 1}}")
@@ -159,12 +160,9 @@ KINDS: Final[Mapping[str, Kind]] = {
         "nothing-to-touch",
         (
             (objects("{name: wall, box: [0.1, 2, 0.5], pose: {x: 0.4, z: -2 m}}"), "no_collision"),
-            (objects("{name: beam, box: [0.1, 2, 0.5], pose: {x: 0.4, z: 9 m}}"), "no_collision"),
-            (objects("{name: beam, box: [0.1, 2, 0.5], pose: {x: 0.4, z: 9 m}}"), "clearance: {at_least: 20 cm}"),
-            (
-                objects("{name: beam, box: [0.1, 2, 0.5], pose: {x: 0.4, z: 9 m}}"),
-                "all_of: [{clearance: {at_least: 20 cm, to: [beam]}}, upright]",
-            ),
+            (BEAM, "no_collision"),
+            (BEAM, "clearance: {at_least: 20 cm}"),
+            (BEAM, "all_of: [{clearance: {at_least: 20 cm, to: [beam]}}, upright]"),
         ),
         (
             (objects("{name: wall, box: [0.1, 2, 0.5], pose: {x: 0.9}}"), "no_collision"),

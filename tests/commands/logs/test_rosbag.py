@@ -17,7 +17,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from sim_action.commands.logs import Content, Steering, Trajectory, rosbag
+from sim_action.commands.logs import Content, Recorded, Steering, Trajectory, rosbag
 from sim_action.commands.logs.ros_messages import TWISTS, TYPES, MessageError, MessageType, Wanted
 from sim_action.commands.logs.rosbag import files_of, path_problem, read_log
 from sim_action.core.errors import RecordingError, RunError
@@ -44,6 +44,7 @@ from tests.soak import soaked
 
 TimedContent = tuple[float, Content]
 TWIST_MESSAGES = [(0.0, 0.2, 0.0), (0.1, 0.2, 0.5), (1.5, 0.0, 0.0)]
+DRIVEN = [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
 in_every_format = pytest.mark.parametrize("log", list(WRITERS))
 
 
@@ -54,6 +55,23 @@ def written(folder: Path, log: str, entries: list[bags.Entry]) -> Path:
 def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **keys: Any) -> list[TimedContent]:
     rows = read_log(path, "monday", Wanted(topic, type_name, **keys)).rows
     return [((time_ns - rows[0][0]) / 1e9, content) for time_ns, content in rows]
+
+
+def recorded_in(path: Path) -> Recorded:
+    return read_log(path, "monday", Wanted("/cmd_vel"))
+
+
+def log_file(path: Path, entries: list[bags.Entry]) -> Path:
+    """Write a log in the format of its suffix; the name of a bag may say how it is compressed."""
+    if path.suffix == ".bag":
+        return ros1_bag(path, entries, path.stem.upper() if path.stem in ("bz2", "lz4") else None)
+    return (db3_file if path.suffix == ".db3" else mcap_file)(path, entries)
+
+
+def overwrite(path: Path, place: int, content: bytes) -> None:
+    data = bytearray(path.read_bytes())
+    data[place : place + len(content)] = content
+    path.write_bytes(data)
 
 
 def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **keys: Any) -> str:
@@ -68,7 +86,7 @@ def told(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **ke
 def test_twists_of_one_topic_come_out_as_they_went_in(log: str, type_name: str, tmp_path: Path) -> None:
     entries = [*drive(TWIST_MESSAGES, type_name=type_name), *drive([(0.05, 9.0, 9.0)], "/other")]
     path = written(tmp_path, log, sorted(entries, key=lambda entry: entry[0]))
-    assert read(path) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
+    assert read(path) == DRIVEN
     assert read(path, type_name=type_name) == read(path)
 
 
@@ -88,9 +106,8 @@ def test_joints_come_out_as_they_went_in(log: str, tmp_path: Path) -> None:
 def test_a_topic_or_a_type_that_is_not_there_is_told_with_those_that_are(log: str, tmp_path: Path) -> None:
     path = written(tmp_path, log, drive(TWIST_MESSAGES))
     assert "no topic '/cmd_val'; did you mean '/cmd_vel'?" in told(path, "/cmd_val")
-    assert "'/cmd_vel' has the type geometry_msgs/msg/Twist, but the scenario requires" in told(
-        path, type_name=bags.JOINTS
-    )
+    other_type = told(path, type_name=bags.JOINTS)
+    assert "'/cmd_vel' has the type geometry_msgs/msg/Twist, but the scenario requires" in other_type
 
 
 @in_every_format
@@ -112,7 +129,7 @@ def test_the_files_of_a_bag_may_come_in_any_order(tmp_path: Path) -> None:
     listed = "relative_file_paths:\n  - later.db3\n"
     assert listed in metadata
     (folder / "metadata.yaml").write_text(metadata.replace(listed, f"{listed}  - earlier.db3\n"))
-    assert read(folder) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
+    assert read(folder) == DRIVEN
 
 
 FALLING = "message {} of '{}': its time of receipt is {} s earlier than that of the message before; split the log there"
@@ -132,14 +149,11 @@ def test_the_files_of_a_bag_whose_times_overlap_are_refused(tmp_path: Path) -> N
     assert FALLING.format(3, "/j", 2) in told(folder, "/j")
 
 
-def test_a_topic_of_several_types_is_refused(tmp_path: Path) -> None:
-    with Writer(tmp_path / "bag", version=9) as writer:
+def test_a_topic_of_several_types_and_what_is_no_cdr_are_refused(tmp_path: Path) -> None:
+    with Writer(tmp_path / "several", version=9) as writer:
         for type_name in (bags.TWIST, bags.STAMPED):
             writer.add_connection("/cmd_vel", type_name, typestore=ROS2)
-    assert "'/cmd_vel' has messages of several types" in told(tmp_path / "bag")
-
-
-def test_what_is_no_cdr_is_refused(tmp_path: Path) -> None:
+    assert "'/cmd_vel' has messages of several types" in told(tmp_path / "several")
     with Writer(tmp_path / "bag", version=9) as writer:
         writer.add_connection("/cmd_vel", bags.TWIST, typestore=ROS2, serialization_format="json")
     for path in (tmp_path / "bag", tmp_path / "bag/bag.db3"):
@@ -257,17 +271,14 @@ def array(*numbers: float) -> Any:
     return types["std_msgs/msg/Float64MultiArray"](layout, np.array(numbers))
 
 
+DURATION = "builtin_interfaces/msg/Duration"
+
+
 def trajectory(names: list[str], *points: tuple[float, list[float]]) -> Any:
     types = ROS2.types
-    none = np.array([])
+    point, none = types["trajectory_msgs/msg/JointTrajectoryPoint"], np.array([])
     made = [
-        types["trajectory_msgs/msg/JointTrajectoryPoint"](
-            np.array(positions),
-            none,
-            none,
-            none,
-            types["builtin_interfaces/msg/Duration"](int(time), int(time % 1 * 1e9)),
-        )
+        point(np.array(positions), none, none, none, types[DURATION](int(time), int(time % 1 * 1e9)))
         for time, positions in points
     ]
     return types["trajectory_msgs/msg/JointTrajectory"](bags.header(ROS2), names, made)
@@ -299,19 +310,11 @@ def test_a_message_that_no_robot_can_be_told_is_refused(message: Any, what: str)
         content_of(message)
 
 
-CAR = """\
-float32 steering_angle
-float32 steering_angle_velocity
-float32 speed
-float32 acceleration
-float32 jerk
-"""
-
-
 def test_a_car_is_steered(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     name = "ackermann_msgs/msg/AckermannDrive"
-    store.register(get_types_from_msg(CAR, name))
+    numbers = ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
+    store.register(get_types_from_msg("".join(f"float32 {number}\n" for number in numbers), name))
     message = store.types[name](0.5, 0.0, 1.5, 0.0, 0.0)
     with Writer(tmp_path / "bag", version=9) as writer:
         connection = writer.add_connection("/drive", name, typestore=store)
@@ -344,12 +347,8 @@ def test_times_are_those_of_receipt_of_the_header_or_of_the_clock(tmp_path: Path
 @pytest.mark.parametrize(
     "options",
     [
-        {"use_chunking": False},
-        {"use_chunking": False, "use_statistics": False},
-        {"index_types": IndexType.CHUNK},
-        {"index_types": IndexType.MESSAGE},
-        {"index_types": IndexType.NONE},
-        {},
+        *({"use_chunking": False}, {"use_chunking": False, "use_statistics": False}, {}),
+        *({"index_types": index} for index in (IndexType.CHUNK, IndexType.MESSAGE, IndexType.NONE)),
     ],
 )
 def test_messages_of_mcap_are_those_of_their_times(options: dict[str, Any], tmp_path: Path) -> None:
@@ -373,30 +372,22 @@ def test_messages_of_mcap_are_those_of_their_times(options: dict[str, Any], tmp_
 def test_stamps_that_cannot_be_used_are_refused(
     moments: list[tuple[float, float]], stamps: str, message: str, tmp_path: Path
 ) -> None:
-    path = ros2_bag(tmp_path / "bag", entries_at(*moments))
+    path = ros2_bag(tmp_path / "bag", [*entries_at(*moments), *drive([(9.0, 0.2, 0.0)])])
     assert message in told(path, "/j", stamps=stamps)
-
-
-def test_messages_without_a_header_have_no_stamps(tmp_path: Path) -> None:
-    path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
     assert "have no header; remove this key" in told(path, stamps="header")
 
 
 DAMAGED = "is unfinished or damaged: the messages before the damage were read"
 
 
-def test_an_unfinished_mcap_without_a_whole_message_is_an_error(tmp_path: Path) -> None:
-    path = mcap_file(tmp_path / "a.mcap", drive(TWIST_MESSAGES), CompressionMode.STORAGE)
-    path.write_bytes(path.read_bytes()[:200])
-    assert f"no readable topic '/cmd_vel': a.mcap {DAMAGED}" in told(path)
-
-
 def test_an_mcap_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path) -> None:
-    messages = [(n / 10, n / 100, 0.1) for n in range(300)]
-    path = mcap_file(tmp_path / "a.mcap", drive(messages))
+    path = mcap_file(tmp_path / "b.mcap", drive(TWIST_MESSAGES), CompressionMode.STORAGE)
+    path.write_bytes(path.read_bytes()[:200])  # without a whole message
+    assert f"no readable topic '/cmd_vel': b.mcap {DAMAGED}" in told(path)
+    path = mcap_file(tmp_path / "a.mcap", drive([(n / 10, n / 100, 0.1) for n in range(300)]))
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 4])
-    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    recorded = recorded_in(path)
     assert 10 < len(recorded.rows) < 250
     assert recorded.rows[5][1] == Twist.planar(0.05, 0.1)
     assert recorded.notes == (f"a.mcap {DAMAGED} ('mcap recover' repairs it)",)
@@ -405,7 +396,7 @@ def test_an_mcap_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path) -> None:
 def test_a_log_without_metadata_is_read_with_a_note(tmp_path: Path) -> None:
     path = ros2_bag(tmp_path / "bag", drive(TWIST_MESSAGES))
     (path / "metadata.yaml").unlink()
-    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    recorded = recorded_in(path)
     assert len(recorded.rows) == 3
     assert "its recorder was killed" in recorded.notes[0]
 
@@ -423,7 +414,7 @@ def test_a_database_whose_recorder_was_killed_is_read_with_its_journal(tmp_path:
         if file.is_file():
             shutil.copy(file, killed)
     database.close()
-    recorded = read_log(killed / "a.db3", "monday", Wanted("/cmd_vel"))
+    recorded = recorded_in(killed / "a.db3")
     assert len(recorded.rows) == 6
     assert "was not closed by its recorder" in recorded.notes[0]
 
@@ -439,34 +430,23 @@ def test_a_database_whose_recorder_was_killed_is_read_with_its_journal(tmp_path:
     ],
 )
 def test_a_log_that_is_cut_off_is_read_before_the_damage(log: str, share: float, tmp_path: Path) -> None:
-    messages = [(n / 10, n / 10_000, 0.1) for n in range(2000)]
-    compression = log.removesuffix(".bag").upper() if log[:3] in {"bz2", "lz4"} else None
-    whole = tmp_path / f"whole{Path(log.removesuffix('.active')).suffix}"
-    path = (
-        db3_file(whole, drive(messages))
-        if log.endswith(".db3")
-        else ros1_bag(whole, drive(messages, "/cmd_vel"), compression)
-    )
+    (tmp_path / "whole").mkdir()
+    entries = drive([(n / 10, n / 10_000, 0.1) for n in range(2000)])
+    path = log_file(tmp_path / "whole" / log.removesuffix(".active"), entries)
     data = path.read_bytes()
     (tmp_path / log).write_bytes(data[: int(len(data) * share)])
-    recorded = read_log(tmp_path / log, "monday", Wanted("/cmd_vel"))
-    assert recorded.rows == read_log(path, "whole", Wanted("/cmd_vel")).rows[: len(recorded.rows)]
+    recorded = recorded_in(tmp_path / log)
+    assert recorded.rows == recorded_in(path).rows[: len(recorded.rows)]
     assert share - 0.2 < len(recorded.rows) / 2000
     assert recorded.notes == (f"{log} {DAMAGED}",)
 
 
 @pytest.mark.parametrize("log", soaked(["a.mcap", "a.bag", "bz2.bag", "lz4.bag"], ["a.mcap", "lz4.bag"]))
 def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) -> None:
-    messages = [(n / 10, n / 10_000, 0.1) for n in range(20_000)]
-    entries = drive(messages)
-    compression = log.removesuffix(".bag").upper() if log[:3] in {"bz2", "lz4"} else None
-    path = mcap_file(tmp_path / log, entries) if log == "a.mcap" else ros1_bag(tmp_path / log, entries, compression)
-    whole = read_log(path, "whole", Wanted("/cmd_vel")).rows
-    data = bytearray(path.read_bytes())
-    middle = len(data) * 2 // 5
-    data[middle : middle + 4096] = bytes(4096)
-    path.write_bytes(data)
-    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    path = log_file(tmp_path / log, drive([(n / 10, n / 10_000, 0.1) for n in range(20_000)]))
+    whole = recorded_in(path).rows
+    overwrite(path, path.stat().st_size * 2 // 5, bytes(4096))
+    recorded = recorded_in(path)
     lost = len(whole) - len(recorded.rows)
     assert 0 < lost < len(whole)
     assert set(recorded.rows) < set(whole)
@@ -479,12 +459,11 @@ def test_a_hole_in_a_log_with_a_good_index_is_counted(log: str, tmp_path: Path) 
 def test_a_damaged_chunk_without_an_index_is_noted(index: IndexType, damaged: str, tmp_path: Path) -> None:
     entries = drive([(n / 10, n / 10_000, 0.1) for n in range(200)])
     path = plain_mcap(tmp_path / "a.mcap", entries, chunk_size=600, index_types=index)
-    whole = read_log(path, "whole", Wanted("/cmd_vel")).rows
-    data = bytearray(path.read_bytes())
+    whole = recorded_in(path).rows
+    data = path.read_bytes()
     place = data.index(b"lz4", len(data) // 3) + (0 if damaged == "name of the compression" else 60)
-    data[place : place + 3] = bytes(3)
-    path.write_bytes(data)
-    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    overwrite(path, place, bytes(3))
+    recorded = recorded_in(path)
     assert recorded.rows == whole[: len(recorded.rows)]
     assert 0 < len(recorded.rows) < len(whole) == 200
     assert recorded.notes == (f"a.mcap {DAMAGED} ('mcap recover' repairs it)",)
@@ -492,30 +471,24 @@ def test_a_damaged_chunk_without_an_index_is_noted(index: IndexType, damaged: st
 
 def test_a_library_without_the_index_tells_the_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = mcap_file(tmp_path / "a.mcap", drive([(n / 10, n / 10_000, 0.1) for n in range(20_000)]))
-    data = bytearray(path.read_bytes())
-    middle = len(data) * 2 // 5
-    data[middle : middle + 4096] = bytes(4096)
-    path.write_bytes(data)
+    overwrite(path, path.stat().st_size * 2 // 5, bytes(4096))
     monkeypatch.setattr(rosbag, "_is_readable", lambda reader, _: reader.no_such_attribute)
     with pytest.raises(RecordingError, match="monday: the log cannot be read: ") as raised:
-        read_log(path, "monday", Wanted("/cmd_vel"))
+        recorded_in(path)
     assert "no_such_attribute" not in str(raised.value)
 
 
 def test_a_database_with_a_page_of_rubbish_is_read_before_it(tmp_path: Path) -> None:
     path = db3_file(tmp_path / "a.db3", drive([(n / 10, 0.1, 0.1) for n in range(2000)]))
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2 : len(data) // 2 + 8192] = b"\xff" * 8192
-    path.write_bytes(data)
-    recorded = read_log(path, "monday", Wanted("/cmd_vel"))
+    overwrite(path, path.stat().st_size // 2, b"\xff" * 8192)
+    recorded = recorded_in(path)
     assert 500 < len(recorded.rows) < 1500
     assert recorded.notes == (f"a.db3 {DAMAGED}",)
 
 
 @pytest.mark.parametrize("log", ["a.bag", "a.db3"])
 def test_a_log_without_a_readable_message_is_an_error(log: str, tmp_path: Path) -> None:
-    write = db3_file if log.endswith(".db3") else ros1_bag
-    path = write(tmp_path / log, drive(TWIST_MESSAGES))
+    path = log_file(tmp_path / log, drive(TWIST_MESSAGES))
     path.write_bytes(path.read_bytes()[:60])
     assert f"no readable topic '/cmd_vel': {log} {DAMAGED}" in told(path)
     # A length of 4 GB is not read.
@@ -549,4 +522,4 @@ def test_logs_of_every_distribution_are_read(
         names = information["relative_file_paths"]
         information["relative_file_paths"] = [f"bag/{name}" for name in names] if distro == "foxy" else names
     (path / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": information}))
-    assert read(path) == [(time, Twist.planar(linear, angular)) for time, linear, angular in TWIST_MESSAGES]
+    assert read(path) == DRIVEN

@@ -1,5 +1,3 @@
-"""Compiled models that later scenes use again."""
-
 from __future__ import annotations
 
 import random

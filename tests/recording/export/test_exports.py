@@ -51,9 +51,8 @@ def test_a_package_that_is_missing_is_told_with_how_to_come_by_it(
 
     monkeypatch.setattr(exports, "find_spec", find_spec)
     assert wanted_formats(["csv"]) == ("csv",)
-    with pytest.raises(
-        UsageError, match=rf"record {name}.*{package}.*pip install 'sim-action\[{extra}\]'.*extras: {extra}"
-    ):
+    reason = rf"record {name}.*{package}.*pip install 'sim-action\[{extra}\]'.*extras: {extra}"
+    with pytest.raises(UsageError, match=reason):
         wanted_formats(["csv", name])
 
 

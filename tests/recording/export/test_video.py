@@ -1,5 +1,3 @@
-"""GIF and MP4, read back by the libraries of their formats."""
-
 from __future__ import annotations
 
 import io

@@ -1,5 +1,3 @@
-"""What expectations looked at, as a replay stores it."""
-
 from __future__ import annotations
 
 import math

@@ -201,12 +201,6 @@ def test_every_kind_of_body_is_seen(tmp_path: Path) -> None:
     assert len(found.meshes[hull.mesh].triangles) == len(found.meshes[mesh.mesh].triangles) == 36
 
 
-def test_links_of_a_model_stand_after_their_parents() -> None:
-    links = scenery(scene(), []).links
-    assert isinstance(links[0], scene_data.LinkData)
-    assert all(link.parent is not None and link.parent < number for number, link in enumerate(links) if number)
-
-
 def test_meshes_that_collide_are_seen_as_their_hulls(tmp_path: Path) -> None:
     seen(tmp_path)
     touched = ROBOT.replace('<box size="1 1 1"/>', '<mesh filename="box.stl"/>').format(base="", hand="")
@@ -223,16 +217,14 @@ def notes(folder: Path) -> tuple[str, ...]:
     return scenery(build_scene(load(folder, (folder / "s.sim.yml").read_text())), []).notes
 
 
-def test_meshes_that_cannot_be_read_are_counted_with_the_reason(tmp_path: Path) -> None:
+def test_meshes_that_cannot_be_read_have_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert seen(tmp_path, MESH.format(material=""), BOX.format(material="")).notes == ()
     seen(tmp_path, MESH.format(material=""), BOX.format(material=""))
     (tmp_path / "box.stl").write_bytes(b"")
     (note,) = notes(tmp_path)
     assert note.startswith("1 of 2 links are drawn as their collision shapes: box.stl ")
     assert len(note) > len("1 of 2 links are drawn as their collision shapes: box.stl ")
-
-
-def test_a_mesh_file_that_is_too_large_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A file that is too large is named.
     monkeypatch.setattr("sim_action.recording.replay.visual_meshes._MAX_BYTES", 100)
     found = seen(tmp_path, MESH.format(material=""))
     assert "box.stl has 0 MB; meshes are drawn up to 0 MB" in found.notes[0]

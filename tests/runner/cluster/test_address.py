@@ -1,5 +1,3 @@
-"""The address of a cluster as it is typed."""
-
 from __future__ import annotations
 
 import pytest

@@ -1,5 +1,3 @@
-"""The software of workers, compared with that of the caller."""
-
 from __future__ import annotations
 
 from typing import Any

@@ -1,5 +1,3 @@
-"""The archive of a workspace, and its copy on a worker."""
-
 from __future__ import annotations
 
 import subprocess

@@ -1,5 +1,3 @@
-"""This machine's processes, found among all others."""
-
 from __future__ import annotations
 
 import os

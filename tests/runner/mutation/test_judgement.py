@@ -1,5 +1,3 @@
-"""Which expectations noticed a mutant, and the findings on them."""
-
 from __future__ import annotations
 
 import math
@@ -171,6 +169,12 @@ def moved(**columns: list[float]) -> Trace:
 AHEAD = moved(x=[0, 1, 2])
 
 
+def text_of_change(one: Trace, other: Trace, *sliding: str) -> str:
+    change = judgement.path_change(one, other, sliding)
+    assert change is not None
+    return change.text
+
+
 @pytest.mark.parametrize(
     ("mutant", "told"),
     [
@@ -184,24 +188,20 @@ AHEAD = moved(x=[0, 1, 2])
     ],
 )
 def test_the_greatest_change_is_told(mutant: Trace, told: str) -> None:
-    change = judgement.path_change(AHEAD, mutant)
-    assert change is not None
-    assert change.text == told
+    assert text_of_change(AHEAD, mutant) == told
 
 
 def test_the_words_of_a_change() -> None:
     # Directions are those of the robot.
     north = moved(y=[0, 1, 2], yaw=[math.pi / 2] * 3)
-    change = judgement.path_change(north, moved(y=[0, 1, 2], x=[0, 0, -0.4], yaw=[math.pi / 2] * 3))
-    assert change is not None
-    assert "0.40 m further left" in change.text
+    aside = moved(y=[0, 1, 2], x=[0, 0, -0.4], yaw=[math.pi / 2] * 3)
+    assert "0.40 m further left" in text_of_change(north, aside)
     # Small changes do not count.
     assert judgement.path_change(AHEAD, AHEAD) is None
     assert judgement.path_change(AHEAD, moved(x=[0, 1.09, 2], yaw=[0, 0.08, 0])) is None
     # A longer run counts where it ends.
-    change = judgement.path_change(AHEAD, trace([*TIME, 3.0], x=[0, 1, 2, 3]))
-    assert change is not None
-    assert change.text == "the robot was 1.00 m further ahead at the end"
+    longer = trace([*TIME, 3.0], x=[0, 1, 2, 3])
+    assert text_of_change(AHEAD, longer) == "the robot was 1.00 m further ahead at the end"
 
 
 def test_the_joints_of_a_robot_that_stays_count() -> None:
@@ -210,9 +210,8 @@ def test_the_joints_of_a_robot_that_stays_count() -> None:
     assert change is not None
     assert (change.joint, change.joint_change) == ("wheel_left_joint", 0.5)
     assert change.text == "joint 'wheel_left_joint' was 28.65 deg elsewhere at 1.00 s"
-    slid = judgement.path_change(still, bent, ["wheel_left_joint"])
-    assert slid is not None
-    assert slid.text == "joint 'wheel_left_joint' was 0.5 m elsewhere at 1.00 s"
+    slid = text_of_change(still, bent, "wheel_left_joint")
+    assert slid == "joint 'wheel_left_joint' was 0.5 m elsewhere at 1.00 s"
     assert judgement.path_change(still, moved(position=[0, 0.05, 0])) is None
     assert judgement.path_change(straight(), straight()) is None
 

@@ -1,5 +1,3 @@
-"""Candidates for expectations that would have noticed a mutant."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -17,6 +15,8 @@ from sim_action.state.trace import Trace
 from tests.outcomes import outcome
 from tests.runner.mutation.runs import curve, original
 from tests.traces import trace
+
+TIME = [step / 10 for step in range(11)]
 
 
 def found(folder: Path, way: Trace | None = None) -> Candidates:
@@ -98,8 +98,7 @@ def test_names_of_any_kind_are_read_back(name: str) -> None:
 
 
 def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
-    time = [step / 10 for step in range(11)]
-    bent = trace(time, position=[now * 1.5 for now in time])
+    bent = trace(TIME, position=[now * 1.5 for now in TIME])
     offer = found(tmp_path, bent)
     within, joint = (entry for entry in offer.entries[1:3] if not isinstance(entry, str))
     assert within == {"joint_within": {"position": {"wheel_left_joint": (-0.1, 1.6)}}}
@@ -108,8 +107,7 @@ def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
 
 
 def test_a_joint_that_moved_only_in_a_mutant_or_faster_gets_limits(tmp_path: Path) -> None:
-    time = [step / 10 for step in range(11)]
-    bent = trace(time, position=[now * 1.5 for now in time], velocity=[1.5] * 11)
+    bent = trace(TIME, position=[now * 1.5 for now in TIME], velocity=[1.5] * 11)
     offer = candidates(original(tmp_path, bent), Permissions(), Libraries(), ["wheel_right_joint"])
     assert offer is not None
     for limits in (
@@ -121,8 +119,7 @@ def test_a_joint_that_moved_only_in_a_mutant_or_faster_gets_limits(tmp_path: Pat
 
 
 def test_a_robot_that_turns_on_the_spot_gets_its_turn(tmp_path: Path) -> None:
-    time = [step / 10 for step in range(11)]
-    offer = found(tmp_path, trace(time, yaw=[2 * now for now in time], turn_rate=[2.0] * 11))
+    offer = found(tmp_path, trace(TIME, yaw=[2 * now for now in TIME], turn_rate=[2.0] * 11))
     assert {"max_speed": {"angular": 2.41}} in offer.entries
     assert {"reach": {"x": 0.0, "y": 0.0, "yaw": "57 deg", "tolerance": 0.1}, "before": 0.75} in offer.entries
     assert "joint" not in keys(offer)
