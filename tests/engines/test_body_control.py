@@ -135,6 +135,7 @@ def test_a_disturbance_is_of_what_it_names() -> None:
         Target("ball", is_link=False),
     ]
     assert control.forces[0][3] == (0.0, 0.0, 1.0)
+    assert control.releases == 2  # at the beginning and after the step
 
 
 def test_a_body_on_a_path_moves_with_what_brings_it_to_its_next_place() -> None:
