@@ -125,8 +125,8 @@ def _verdicts(run: Outcome, only: str | None) -> list[Verdict]:
     """Return the verdict of one expectation, if it has one, or of all."""
     if only is None:
         return [expected.verdict for expected in run.expectations]
-    verdict = _named(only, run)
-    return [] if verdict is None else [verdict]
+    expected = _named(only, run)
+    return [] if expected is None else [expected.verdict]
 
 
 def _value(verdict: Verdict) -> float | str:
@@ -309,7 +309,8 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
     values: list[float | None] = []
     unit = ""
     for run in runs:
-        verdict = _named(claim.expectation, run)
+        expected = _named(claim.expectation, run)
+        verdict = expected.verdict if expected and _is_whole(claim, expected, run) else None
         value = None if verdict is None else verdict.margin if claim.of.endswith(".margin") else verdict.measured
         value = None if value is None or math.isnan(value) else value
         values.append(value)
@@ -318,20 +319,29 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
     return values, unit
 
 
-def _named(name: str, run: Outcome) -> Verdict | None:
+def _named(name: str, run: Outcome) -> ExpectationOutcome | None:
     by_name = [expected for expected in run.expectations if expected.name == name]
     matches = by_name or [expected for expected in run.expectations if expected.assertion == name]
-    return matches[0].verdict if len(matches) == 1 and _is_whole(matches[0], run) else None
+    return matches[0] if len(matches) == 1 and not matches[0].verdict.cut_off else None
 
 
-def _is_whole(expected: ExpectationOutcome, run: Outcome) -> bool:
-    """Return False for a value that could have become worse: a failure ended the run, or the limit was crossed."""
+def _is_whole(claim: Quantile, expected: ExpectationOutcome, run: Outcome) -> bool:
+    """Return False for a value that could have become worse, because it was not measured up to the end of the run."""
     verdict = expected.verdict
-    if verdict.goal or verdict.cut_off:
-        return not verdict.cut_off
-    # An invariant that only warns keeps the value with which it failed.
+    if verdict.goal:
+        return not (verdict.passed and _is_beyond(claim, expected))
+    # A failure ended the run, or an invariant that only warns keeps the value with which it failed.
     is_final = verdict.passed or expected.severity == "error" or verdict.time == run.sim_time
     return run.end != "expectation failed" and is_final
+
+
+def _is_beyond(claim: Quantile, goal: ExpectationOutcome) -> bool:
+    """Return True for a bound on the far side of a goal, which keeps the value with which it was met."""
+    if claim.of.endswith(".margin"):
+        return claim.claim == "at_most"
+    stated = goal.scope.stated if goal.scope else ()
+    limits = {path.rpartition(".")[2] for path in stated} & {"at_least", "at_most"}
+    return bool(limits) and claim.claim not in limits
 
 
 def _expectation(planned: PlannedGate, name: str, verdict: Verdict) -> ExpectationOutcome:

@@ -15,7 +15,7 @@ from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import replace
 from sim_action.core.statistics import chances
 from sim_action.results.gates import RELATIVE_FIGURES, judged_gate, over_variations
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope, Status
 from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Judged, Verdict
 
@@ -227,6 +227,18 @@ def test_values_that_are_not_known() -> None:
     ):
         runs = [whole.model_copy(update={"end": end, "expectations": (expectation,)}) for _ in range(100)]
         assert ("100 runs measured nothing" in messages(judged_gate(gate, runs))[0]) != is_whole
+    # A goal keeps the value with which it was met: it shows nothing beyond.
+    for stated, of, claimed, is_whole in (
+        ("at_least", "measured", "at_least", True),
+        ("at_least", "measured", "at_most", False),
+        ("moved.at_most", "measured", "at_least", False),
+        ("gap", "measured", "at_most", True),
+        ("gap", "margin", "at_most", False),
+    ):
+        met = goal.model_copy(update={"scope": Scope(stated={stated: 1.0})})
+        beyond = planned({"quantile": {"of": f"travel.{of}", "q": "50 %", claimed: "1.5 m"}}, 100)
+        judged = judged_gate(beyond, [whole.model_copy(update={"expectations": (met,)})] * 100)
+        assert ("100 runs measured nothing" in messages(judged)[0]) != is_whole
     # A value that was not measured counts against the claim.
     values: list[float | None] = [1.5] * 100
     assert quantile({"at_least": "1.4 m"}, values).status == "passed"
