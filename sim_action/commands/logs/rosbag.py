@@ -433,8 +433,9 @@ def _recorded_times(storage: _Storage, topic: str) -> list[int]:
             entries = [entry for number in numbers for entry in reader.indexes[number]]
             return [entry.time for entry in sorted(entries, key=lambda entry: (entry.chunk_pos, entry.offset))]
         if reader.path.suffix == ".db3":
-            records = reader.storage.dbconn.execute("SELECT topic_id, timestamp FROM messages ORDER BY id")
-            return [time_ns for number, time_ns in records if number in numbers]
+            query = "SELECT id, timestamp FROM messages WHERE topic_id = ?"
+            rows = (row for number in numbers for row in reader.storage.dbconn.execute(query, (number,)))
+            return [time_ns for _, time_ns in sorted(rows)]
         places: list[tuple[int, int, int]] = []
         for chunk in reader.storage.chunks:
             for number in set(numbers) & chunk.message_index_offsets.keys():
