@@ -162,7 +162,10 @@ class NoCollisionMonitor(FirstTouchMonitor):
             own = "; its own links do not count (self_collision watches them)" if self.has_limb else ""
             message = f"touched nothing{' else' if self.allowed else ''}{own}"
             return Verdict(True, 0.0, 0.0, 0.0, "contacts", self.end, message)
-        return self.touched(self.first.link, self.first.body, strength(self.first), self.first.body)
+        link, body, how = self.first.link, self.first.body, strength(self.first)
+        if self.first.time <= self.step:
+            how += f"; if the robot stands on it, add allow: [{body}]"
+        return self.touched(link, body, how, body)
 
 
 _PAIRS: Final = "expected a list of pairs"

@@ -27,6 +27,8 @@ def test_a_robot_that_touches_nothing_passes() -> None:
 def test_the_first_contact_is_named() -> None:
     message = "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N in that physics step"
     assert judged(NoCollision(), TOUCHED) == Verdict(False, 1.0, 0.0, -1.0, "contacts", 2.0, message, body="wall")
+    standing = judged(NoCollision(), trace([0.0, 1.0], contacts=[contact(0.0, body="floor")]))
+    assert standing.message.endswith("in that physics step; if the robot stands on it, add allow: [floor]")
 
 
 def test_the_force_is_that_of_all_points_of_the_step() -> None:
