@@ -238,6 +238,8 @@ def _hint(code: int, line: bytes) -> str:
         return f"; the byte 0x{last.hex()} is not UTF-8: save the file as UTF-8"
     if code == _NO_ENTITY:
         return "; write a literal & as &amp;"
+    if code == _NO_CHARACTER and line == b"<<":
+        return "; resolve the conflict that a merge left here"
     return "; write a literal < as &lt;" if code == _NO_CHARACTER and b"<" in line[-2:] else ""
 
 

@@ -25,6 +25,7 @@ def said(data: bytes) -> str:
         ("<a></aa>", "mismatched tag: found </aa>, expected the end of <a> from line 1"),
         ("<a>&auml;</a>", "undefined entity; write a literal & as &amp;"),
         ('<a b="1 < 2"/>', "not well-formed (invalid token); write a literal < as &lt;"),
+        ("<a>\n<<<<<<< HEAD\n</a>", "not well-formed (invalid token); resolve the conflict that a merge left here"),
         ("name: a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file for MuJoCo"),
         ("solid a\n", "syntax error; a model is a .urdf, .xacro or .sdf file, or an .xml file for MuJoCo"),
         ("", "no element found"),
