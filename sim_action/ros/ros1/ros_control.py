@@ -29,22 +29,22 @@ CONTROLLERS: Final[Table[Callable[[Any], Any]]] = Table(
     {
         "joint_state_controller/JointStateController": f"{_JOINTS}:open_joint_states",
         "diff_drive_controller/DiffDriveController": "sim_action.ros.ros1.node.control.diff_drive:open_diff_drive",
-        "position_controllers/JointPositionController": f"{_JOINTS}:open_position",
-        "position_controllers/JointGroupPositionController": f"{_JOINTS}:open_group_position",
-        "velocity_controllers/JointVelocityController": f"{_JOINTS}:open_velocity",
-        "velocity_controllers/JointGroupVelocityController": f"{_JOINTS}:open_group_velocity",
-        "velocity_controllers/JointPositionController": f"{_JOINTS}:open_servo_on_velocity",
-        "effort_controllers/JointEffortController": f"{_JOINTS}:open_effort",
-        "effort_controllers/JointGroupEffortController": f"{_JOINTS}:open_group_effort",
-        "effort_controllers/JointPositionController": f"{_JOINTS}:open_servo",
-        "effort_controllers/JointGroupPositionController": f"{_JOINTS}:open_group_servo",
-        "effort_controllers/JointVelocityController": f"{_JOINTS}:open_motor",
-        "position_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_position",
-        "velocity_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_velocity",
-        "effort_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_effort",
+        "position_controllers/JointPositionController": f"{_JOINTS}:open_one",
+        "position_controllers/JointGroupPositionController": f"{_JOINTS}:open_group",
+        "velocity_controllers/JointVelocityController": f"{_JOINTS}:open_one",
+        "velocity_controllers/JointGroupVelocityController": f"{_JOINTS}:open_group",
+        "velocity_controllers/JointPositionController": f"{_JOINTS}:open_one",
+        "effort_controllers/JointEffortController": f"{_JOINTS}:open_one",
+        "effort_controllers/JointGroupEffortController": f"{_JOINTS}:open_group",
+        "effort_controllers/JointPositionController": f"{_JOINTS}:open_one",
+        "effort_controllers/JointGroupPositionController": f"{_JOINTS}:open_group",
+        "effort_controllers/JointVelocityController": f"{_JOINTS}:open_one",
+        "position_controllers/JointTrajectoryController": f"{_JOINTS}:open_trajectory",
+        "velocity_controllers/JointTrajectoryController": f"{_JOINTS}:open_trajectory",
+        "effort_controllers/JointTrajectoryController": f"{_JOINTS}:open_trajectory",
     },
 )
-"""Type of a controller -> function that opens its replacement."""
+"""Type of a controller -> function that opens its replacement. The type names the interface and the kind of command."""
 
 
 @dataclass(frozen=True, slots=True)

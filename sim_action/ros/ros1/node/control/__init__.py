@@ -6,7 +6,7 @@ The parameters of a controller are in the namespace of its name (wiki.ros.org/ro
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import rospy
 
@@ -55,10 +55,16 @@ class Parameters:
 class ControllerSetup:
     """The input of a controller when it is opened; `space`: namespace of the robot, "" or with a slash in front."""
 
+    type: str
     parameters: Parameters
     space: str
     wiring: Wiring
     transmissions: Transmissions
+
+    @property
+    def interface(self) -> Reading:
+        """The kind of command to joints: the type begins with it, as in effort_controllers/JointPositionController."""
+        return cast(Reading, self.type.partition("_")[0])
 
     def topic(self, name: str) -> str:
         """Return the full name of a topic of the controller."""

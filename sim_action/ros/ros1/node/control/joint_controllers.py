@@ -6,7 +6,6 @@ See wiki.ros.org/joint_trajectory_controller.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, Final
 
 from sensor_msgs.msg import JointState
@@ -36,36 +35,23 @@ SERVO_NOTE: Final = "its gains are not used; a servo of the engine, with the eff
 """The note for controllers that would turn commands into efforts or velocities by gains."""
 
 
-def _one(setup: ControllerSetup, reading: Reading, interface: Reading) -> Controller:
-    joints = setup.fitting("joint", interface)[:1]
-    subscription = setup.wiring.subscribe(setup.topic("command"), Float64, lambda message: (message.data,))
-    return _controller(setup, joints, reading, interface, subscription)
+def open_one(setup: ControllerSetup) -> Controller:
+    """Open a controller of one joint."""
+    return _controller(setup, setup.fitting("joint", setup.interface)[:1], Float64, lambda message: (message.data,))
 
 
-def _group(setup: ControllerSetup, reading: Reading, interface: Reading) -> Controller:
-    joints = setup.fitting("joints", interface)
-    subscription = setup.wiring.subscribe(
-        setup.topic("command"), Float64MultiArray, lambda message: tuple(message.data)
-    )
-    return _controller(setup, joints, reading, interface, subscription)
-
-
-# `ros_control.CONTROLLERS` has the types. Servos make efforts: at 100 ticks per second, gains would shake light parts.
-open_position: Final = partial(_one, reading="position", interface="position")
-open_velocity: Final = partial(_one, reading="velocity", interface="velocity")
-open_effort: Final = partial(_one, reading="effort", interface="effort")
-open_servo: Final = partial(_one, reading="position", interface="effort")
-open_servo_on_velocity: Final = partial(_one, reading="position", interface="velocity")
-open_motor: Final = partial(_one, reading="velocity", interface="effort")
-open_group_position: Final = partial(_group, reading="position", interface="position")
-open_group_velocity: Final = partial(_group, reading="velocity", interface="velocity")
-open_group_effort: Final = partial(_group, reading="effort", interface="effort")
-open_group_servo: Final = partial(_group, reading="position", interface="effort")
+def open_group(setup: ControllerSetup) -> Controller:
+    """Open a controller of several joints."""
+    joints = setup.fitting("joints", setup.interface)
+    return _controller(setup, joints, Float64MultiArray, lambda message: tuple(message.data))
 
 
 def _controller(
-    setup: ControllerSetup, joints: tuple[str, ...], reading: Reading, interface: Reading, subscription: Subscription
+    setup: ControllerSetup, joints: tuple[str, ...], kind: type[Any], read: Callable[[Any], tuple[float, ...]]
 ) -> Controller:
+    subscription = setup.wiring.subscribe(setup.topic("command"), kind, read)
+    interface, reading = setup.interface, next(reading for reading in INTERFACES if reading.title() in setup.type)
+    # Servos make efforts: at 100 ticks per second, gains would shake light parts.
     if reading != interface:
         setup.wiring.warn(f"the controller '{setup.parameters.space}': {SERVO_NOTE}")
     joint_models = [setup.wiring.model.joints_by_name[name] for name in joints]
@@ -119,19 +105,15 @@ def open_joint_states(setup: ControllerSetup) -> Controller:
     return Controller("hardware_interface/JointStateInterface", device=Device(schedule, (publisher,), publish))
 
 
-def _trajectory_controller(setup: ControllerSetup, interface: Reading) -> Controller:
+def open_trajectory(setup: ControllerSetup) -> Controller:
+    """Open a controller that follows trajectories."""
+    interface = setup.interface
     joints = setup.fitting("joints", interface)
     subscription = setup.wiring.subscribe(setup.topic("command"), JointTrajectory, lambda message: message)
     if interface != "position":
         setup.wiring.warn(f"the controller '{setup.parameters.space}': {SERVO_NOTE}")
     follower = TrajectoryFollower(setup, joints, subscription)
     return Controller(INTERFACES[interface], joints, follower, subscriptions=(subscription,), begin=follower.begin)
-
-
-# `ros_control.CONTROLLERS` has the types.
-open_on_position: Final = partial(_trajectory_controller, interface="position")
-open_on_velocity: Final = partial(_trajectory_controller, interface="velocity")
-open_on_effort: Final = partial(_trajectory_controller, interface="effort")
 
 
 class TrajectoryFollower:

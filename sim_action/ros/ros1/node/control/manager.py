@@ -114,7 +114,7 @@ class ControllerManager:
                 "load its parameter file (<rosparam file=...>) before the controller is spawned"
             )
         if kind in CONTROLLERS:
-            setup = ControllerSetup(parameters, self.space, self.wiring, self.transmissions)
+            setup = ControllerSetup(kind, parameters, self.space, self.wiring, self.transmissions)
             self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(setup))
             return
         hint = did_you_mean(str(kind), CONTROLLERS)
