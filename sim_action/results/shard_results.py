@@ -59,6 +59,7 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
             _reject(f"{path} contains results of {called} twice; each scenario may occur only once")
         seen_outcomes.add((unit, outcome.name))
     _check_shards(sharded)
+    _check_commits(files)
     entries = _ordered(files, sharded)
     added = list(_not_run(entries, listing, left_any=bool(files))) if listing else []
     if listing:
@@ -116,6 +117,15 @@ def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
                 f"the shards belong to different lists: each states a total of {shard.total}, "
                 f"but together they contain {total} scenarios"
             )
+
+
+def _check_commits(files: Sequence[ResultsFile]) -> None:
+    """Raise UsageError for results of different commits, such as those that an earlier workflow has left."""
+    stated = [(file.results.commit[:12], file.path) for file in files if file.results.commit]
+    for commit, path in stated:
+        if commit != stated[0][0]:
+            first, where = stated[0]
+            _reject(f"{where} is of commit {first}, and {path} of {commit}: run all shards on the same commit")
 
 
 def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, ResultsFile]]) -> list[Entry]:

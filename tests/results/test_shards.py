@@ -283,6 +283,12 @@ def test_shards_of_different_lists_are_refused() -> None:
         "the shards belong to different lists: 1/results.json is shard 1 of 2 with 2 scenarios, "
         "and 2/results.json is shard 2 of 2 with 3"
     )
+    # Results of different commits are refused; some state none.
+    plain = results(outcome("a"))
+    one, two = (results(outcome(sign)).model_copy(update={"commit": sign * 40}) for sign in "12")
+    told = refused(files(plain, one, two))
+    assert told.startswith("2/results.json is of commit 111111111111, and 3/results.json of 222222222222: run all")
+    assert len(merge_shards(files(plain, one), None)) == 2
 
 
 @pytest.mark.parametrize("second", [["b"], ["b", "c", "d"]])
