@@ -138,6 +138,16 @@ def test_too_tight_a_curve_is_the_tightest_there_is_and_says_so(way: int) -> Non
     assert motion.notes == (TOO_TIGHT,)
 
 
+@pytest.mark.parametrize("left", [0.2, -0.2])
+def test_one_steered_wheel_beside_the_middle_turns_tightest_to_its_own_side(left: float) -> None:
+    drive = AckermannDrive(steering=("a_steer",), wheels=("c", "d"))
+    model = cart(*REAR, steered("a", 0.5, left, limit=0.6))
+    assert drive.mobility(model).tightest == pytest.approx(math.tan(0.6) / (0.5 + 0.2 * math.tan(0.6)))
+    # No curve fits a wheel that is turned further than towards the middle of the axle.
+    beyond = drive.wheel_motion(model).way({"c": 1.0, "d": 1.0}, {"a_steer": math.copysign(1.4, -left)})
+    assert beyond.turn == 0.0
+
+
 def test_steering_takes_its_time_and_wheels_fit_the_curve_of_the_moment() -> None:
     drive = QUICK.model_copy(update={"steering_rate": 1.0})
     planned = drive.open(CAR, 10.0).targets(Twist.planar(2.0, 1.0), 9)

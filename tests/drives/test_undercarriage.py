@@ -84,12 +84,14 @@ TILTING = beam("axle", 0.3, 0.0, (1.0, 0.0, 0.0))
 TILTED = (wheel("a", 0.0, 0.3, parent="axle_beam"), wheel("c", 0.0, -0.3, parent="axle_beam"))
 TAILED = cart(*PAIR, steered("tail", -0.3, 0.0, limit=3.0))
 TRICYCLE = cart(*PAIR, steered("nose", 0.5, 0.0))
+UNROLLING = cart(*PAIR, fixed("left_wheel", 0.5, 0.3), fixed("right_wheel", 0.5, -0.3))
 MOVED: dict[str, tuple[RobotModel, Drive | None]] = {
     "rockers and six wheels": (cart(*ROCKERS), SkidSteer(left=SIX["left"], right=SIX["right"])),
     "an axle that tilts as a whole is no hinge": (cart(TILTING, *TILTED, FOUR[1], FOUR[3]), SKID),
     "motors of other joints": (commanded(cart(*FOUR), "position", "elbow"), SKID),
     "a caster with limits could have a motor": (TAILED, None),
     "a caster with limits, and motors that are stated": (commanded(TAILED, "velocity", "left", "right"), DIFF),
+    "fixed wheels at the front, and motors that are stated": (commanded(UNROLLING, "velocity", "left", "right"), DIFF),
     "steering joints with motors": (
         commanded(commanded(CAR, "velocity", "c", "d"), "position", "a_steer", "b_steer"),
         AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d")),
@@ -194,7 +196,7 @@ FIRST_REASONS: dict[str, tuple[RobotModel, str]] = {
         "whose joint 'left' has no level axis",
     ),
     "fixed wheels at the front": (
-        cart(*PAIR, fixed("left_wheel", 0.5, 0.3), fixed("right_wheel", 0.5, -0.3)),
+        UNROLLING,
         "diff: 'left_wheel_link' and 'right_wheel_link' stand on the ground as well, but no joint lets them roll",
     ),
     "wheels with rollers in their names": (
