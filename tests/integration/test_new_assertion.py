@@ -30,7 +30,7 @@ TESTS = (
     "tests/test_docs.py",
     "tests/test_parts.py",
 )
-CASES = "max_jerk or among_those or missing or of_the_table or fresh or every_part"
+CASES = "max_jerk or among_those or missing or of_the_table or fresh or every_part or all_pages"
 
 
 def written(root: Path) -> set[str]:
