@@ -42,12 +42,14 @@ _SEE: Final = re.compile(r"See [\w.]+\.")
 
 
 def docstring_violations(name: str, source: str) -> Iterator[str]:
-    """Yield the docstrings of a Python file that do not start with a verb or a noun phrase."""
+    """Yield the docstrings of a Python file that do not start with a verb or a noun phrase, or only refer."""
     for node in ast.walk(ast.parse(source)):
         # A string that stands alone is a docstring: of the module, class or function, or of the constant above it.
         match node:
             case ast.Expr(value=ast.Constant(value=str(text))) if match := _OPENING.match(text.lstrip()):
                 yield f"{name}:{node.lineno}: start the docstring with a verb or a noun phrase, not with '{match[0]}'"
+            case ast.Expr(value=ast.Constant(value=str(text))) if _SEE.fullmatch(text):
+                yield f"{name}:{node.lineno}: use @override without a docstring in place of '{text}'"
 
 
 def name_violations(name: str, source: str) -> Iterator[str]:
@@ -64,8 +66,6 @@ def wording_violations(name: str, source: str) -> Iterator[str]:
         match node:
             case ast.Expr(value=ast.Constant(value=str(text))):
                 yield from _phrase(name, node.lineno, text)
-                if _SEE.fullmatch(text):
-                    yield f"{name}:{node.lineno}: use @override without a docstring in place of '{text}'"
             case ast.Assign(targets=[ast.Tuple()], value=ast.Tuple(elts=values)) if _are_unrelated(values):
                 yield f"{name}:{node.lineno}: assign unrelated values one by one, not as a tuple"
     for token in tokenize.generate_tokens(io.StringIO(source).readline):

@@ -87,4 +87,5 @@ def test_a_check_of_no_files_is_a_violation() -> None:
 )
 def test_names_docstrings_comments_and_tuples(good: str, bad: str, advice: str) -> None:
     for text, advices in ((good, []), (bad, [f"a.py:1: {advice}"])):
-        assert [*name_violations("a.py", f"{text}\n"), *wording_violations("a.py", f"{text}\n")] == advices
+        checks = (docstring_violations, name_violations, wording_violations)
+        assert [problem for check in checks for problem in check("a.py", f"{text}\n")] == advices

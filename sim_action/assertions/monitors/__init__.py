@@ -126,10 +126,10 @@ def _states(monitor: Any, name: str) -> bool:
 def _own(name: str) -> Any:
     """Return a property of an adapted monitor: that of its own monitor, or else the default of Monitor."""
 
-    def found(adapted: AdaptedMonitor) -> Any:
+    def read(adapted: AdaptedMonitor) -> Any:
         return getattr(adapted.monitor if _states(adapted.monitor, name) else super(AdaptedMonitor, adapted), name)
 
-    return property(found)
+    return property(read)
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,7 @@ class Bounds:
 
     @property
     def state(self) -> State:
-        """See Monitor.state."""
+        """The state of both bounds together."""
         return joined(self.invariant.state, State.HOLDS if self.at_least is None else self.goal.state)
 
     @property

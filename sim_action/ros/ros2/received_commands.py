@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from typing_extensions import override
+
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
@@ -143,21 +145,21 @@ class ReceivedCommands:
         return targets if twist is None else twist
 
 
-class TwistReceiver:
+class TwistReceiver(Receiver):
     """Keeps the last twist."""
 
     def __init__(self) -> None:
         self._twist: Twist | None = None
 
+    @override
     def take(self, message: Mapping[str, Any], seen: Observation) -> None:
-        """See Receiver.take."""
         twist = twist_of(message)
         if problem := twist_problem(twist):
             raise BadMessage(problem)
         self._twist = twist
 
+    @override
     def answer(self, seen: Observation) -> Twist | None:
-        """See Receiver.answer."""
         return self._twist
 
 
@@ -179,7 +181,7 @@ def any_joints_subscription(key: str, topic: str, joints: Sequence[Joint]) -> Su
     return Subscription(key, topic, TRAJECTORY, partial(TrajectoryReceiver, joints, needs_all=False))
 
 
-class TrajectoryReceiver:
+class TrajectoryReceiver(Receiver):
     """Follows the last trajectory, as joint_trajectory_controller does. Joints hold still after its end.
 
     A controller that needs all its joints also holds them still before the first trajectory.
@@ -190,8 +192,8 @@ class TrajectoryReceiver:
         self._needs_all = needs_all
         self._curves: dict[str, JointCurve] = {}
 
+    @override
     def take(self, message: Mapping[str, Any], seen: Observation) -> None:
-        """See Receiver.take."""
         names = list(message["joint_names"])
         self._check_names(names)
         begins = seconds_of(message["header"]["stamp"])
@@ -211,8 +213,8 @@ class TrajectoryReceiver:
         else:
             self._curves |= joint_curves(names, start, points[len(past) :])
 
+    @override
     def answer(self, seen: Observation) -> JointTargets | None:
-        """See Receiver.answer."""
         if self._needs_all and not self._curves:
             self._curves = {name: JointCurve((self._state(name, seen),)) for name in self._joints}
         if not self._curves:
@@ -279,15 +281,15 @@ def _check_finite(values: Sequence[float], place: str) -> None:
             raise BadMessage(f"{place}[{index}] is {value}, which is not finite")
 
 
-class ValuesReceiver:
+class ValuesReceiver(Receiver):
     """Passes the last values on, as forward_command_controller does; before, positions hold, and velocities are 0."""
 
     def __init__(self, joints: Sequence[Joint], reading: Reading) -> None:
         self._joints, self._reading = joints, reading
         self._values: dict[str, float] | None = None
 
+    @override
     def take(self, message: Mapping[str, Any], seen: Observation) -> None:
-        """See Receiver.take."""
         values = list(message["data"])
         if len(values) != len(self._joints):
             names = ", ".join(joint.name for joint in self._joints)
@@ -298,8 +300,8 @@ class ValuesReceiver:
             for joint, value in zip(self._joints, values, strict=True)
         }
 
+    @override
     def answer(self, seen: Observation) -> JointTargets | None:
-        """See Receiver.answer."""
         if self._values is None:
             if self._reading == "effort":
                 return None

@@ -100,7 +100,7 @@ class CommandWithTimeout:
         self._since = 0.0
 
     def __call__(self, seconds: float, _: Observation) -> Twist | None:
-        """See Mover."""
+        """Return the last twist; zero if it is too old, None before the first."""
         if self._subscription.count != self._count:
             self._count, self._since = self._subscription.count, seconds
         twist: Twist | None = self._subscription.value

@@ -167,8 +167,8 @@ class PlanarMove(Drive):
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> PlanarMotion:
         return PlanarMotion(centre_of_mass(model), _MAX_FORCE_PER_WEIGHT * model.mass * max(gravity, GRAVITY))
 
-    def wheel_motion(self, model: RobotModel) -> None:
-        """See Drive.wheel_motion."""
+    @override
+    def wheel_motion(self, model: RobotModel) -> None: ...
 
     @override
     def figures(self, model: RobotModel, gravity: float) -> str:
@@ -196,11 +196,11 @@ class PlanarMotion:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """See DriveMotion.notes."""
+        """The remark on a command that was not level, if there was one."""
         return () if self._was_level else (NOT_LEVEL,)
 
     def targets(self, twist: Twist, steps: int) -> list[JointTargets]:
-        """See DriveMotion.targets."""
+        """Return the push of the next steps, which is the same for all of them."""
         self._was_level &= is_level(twist)
         x, y, _ = twist.linear_xyz
         push = BasePush((x, y), twist.angular_xyz[2], self._point_xyz, self._force, self._force * _LEVER_ARM_M)

@@ -81,7 +81,7 @@ class DiffDriveWheels:
         self._speed = self._turn = 0.0
 
     def __call__(self, seconds: float, seen: Observation) -> JointTargets:
-        """See Mover."""
+        """Return the wheel speeds of a moment."""
         if self.start is None:
             self.start = seen.pose
         if self._subscription.count != self._count:

@@ -74,7 +74,7 @@ class ForwardController:
         self._resting = None
 
     def __call__(self, _: float, seen: Observation) -> JointTargets:
-        """See Mover."""
+        """Return the targets of the last command; the joints hold still before it."""
         if self._resting is None:
             self._resting = resting(self._reading, self._joints, seen.joints)
         return targets(self._reading, self._commanded() or self._resting)
@@ -130,7 +130,7 @@ class TrajectoryFollower:
         self._count, self._curves = self._subscription.count, {}
 
     def __call__(self, seconds: float, seen: Observation) -> JointTargets:
-        """See Mover."""
+        """Return the targets of the trajectory at a moment."""
         if not self._curves:
             self._curves = {name: JointCurve((Waypoint(seconds, seen.joints[name].position),)) for name in self._joints}
         if self._subscription.value is not None and self._subscription.count != self._count:
