@@ -306,7 +306,7 @@ def value_link(value: str | float) -> str:
     return value if isinstance(value, str) else element("span", moment(value), class_="moment", data_time=value)
 
 
-def html_table(shown: Table, options: ReportOptions, *, around: str = "wide") -> Html:
+def html_table(shown: Table, options: ReportOptions | None, *, around: str = "wide") -> Html:
     """Return a table with its rest in a fold; empty without rows."""
     first, rest = (joined(*(html_row(shown, row, options) for row in rows)) for rows in (shown.rows, shown.rest))
     titles = tuple(title.strip() for title in shown.titles)

@@ -20,14 +20,14 @@ from sim_action.reports.html.document import (
     element,
     faint,
     heading,
+    html_table,
     joined,
     page_header,
     reason,
     reasons,
-    status_mark,
     still_page,
-    table,
 )
+from sim_action.reports.table import Row, Table
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.results.results_json import RESULTS_FILE
 from sim_action.results.shard_results import EarlierRun, read_run
@@ -173,8 +173,8 @@ def _article(identity: str, name: str, listed: Sequence[History], labels: Sequen
 
 def _chart(history: History, labels: Sequence[str]) -> Html:
     """Return the line of the margins, its bounds in words, and all values in a fold."""
-    values = [point.value for point in history.points if point.value is not None]
-    low, high = min([0.0, *values]), max([0.0, *values])
+    margins = [point.value for point in history.points if point.value is not None]
+    low, high = min([0.0, *margins]), max([0.0, *margins])
     step = (_WIDTH - 2 * _EDGE) / max(1, len(labels) - 1)
 
     def place(point: Point) -> str:
@@ -207,17 +207,11 @@ def _chart(history: History, labels: Sequence[str]) -> Html:
     bad = sum(point.status not in _GOOD for point in history.judged)
     rate = f"good in {len(history.judged) - bad} of {counted(len(history.judged), 'run')}"
     between = f"margin {shown[0]} first, {shown[-1]} last; the dashed line is the limit" if shown else "no margin"
-    rows = [
-        element(
-            "tr",
-            element("td", status_mark(point.status)),
-            element("th", labels[point.run], scope="row"),
-            element("td", point.shown, data_title="Margin"),
-            element("td", point.message, class_="finding", data_title="Verdict"),
-        )
-        for point in reversed(history.points)
-    ]
-    fold = element("details", element("summary", "All values"), table(("Run", "Margin", "Verdict"), joined(*rows)))
+    rows = tuple(
+        Row(point.status, labels[point.run], point.message, (point.shown,)) for point in reversed(history.points)
+    )
+    values = html_table(Table("Run", rows, ("Margin",), message="Verdict"), None)
+    fold = element("details", element("summary", "All values"), values)
     return joined(
         element("h3", history.expectation), element("div", drawing, class_="still"), faint(f"{rate}; {between}"), fold
     )
