@@ -86,12 +86,15 @@ class Source:
         seed = self.document.data.get(SEED, 0) if isinstance(self.document.data, dict) else 0
         return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
 
+    def seed_of_draws(self, typed: int | None) -> int | None:
+        """Return the seed from which random draws and samples follow; None: it is invalid."""
+        return self.stated_seed if typed is None or varies_seed(self.variation) else typed
+
     def sampled(self, sample: int, typed: int | None) -> Source:
         """Return the run with the seed of its sample, which follows from the seed of its scenario and this number."""
-        stated = self.stated_seed
-        if stated is None:
+        if self.stated_seed is None:
             return self
-        seed = stated if typed is None or varies_seed(self.variation) else typed
+        seed = self.seed_of_draws(typed)
         own = Random(f"sample {sample} of seed {seed}").getrandbits(DRAWN_SEED_BITS)
         data, _ = placed(self.document.data, (SEED,), own)
         return replace(self, document=replace(self.document, data=data), scenario_seed=seed)

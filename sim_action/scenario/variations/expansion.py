@@ -139,7 +139,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     keys: list[_Key] = []
     if "variations" in data:
         runs = None if gate is None else gate.gate.runs
-        keys += _numbered(_keys(source, base, source.stated_seed or 0 if seed is None else seed, runs))
+        keys += _numbered(_keys(source, base, source.seed_of_draws(seed) or 0, runs))
     if gate is not None and not any(key.values.drawn for key in keys):
         keys.append(_samples(source.document, gate))
     # Indices into the values of each key; drawn keys share one index.
