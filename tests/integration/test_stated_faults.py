@@ -277,6 +277,7 @@ LOADS: list[tuple[dict[str, Any], str]] = [
     ({"payload": 1.0, "link": "carriage", "velocity": [1, 0, 0]}, "or 'payload'"),
     ({"payload": 1.0, "link": "carriage", "adhesion": 1.0}, "or 'payload', or 'adhesion'"),
     ({"adhesion": 1.0, "link": "carriage", "force": [1, 0, 0], "for": 1.0}, "or 'payload', or 'adhesion'"),
+    ({"adhesion": -1.0, "link": "carriage"}, "adhesion: must be at least 0, found -1"),
     ({"payload": "1 m", "link": "carriage"}, "is not a unit of mass"),
     ({"payload": 1.0, "body": "crate"}, "not a 'body'"),
 ]

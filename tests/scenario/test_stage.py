@@ -87,7 +87,7 @@ def test_motions_that_cannot_be(points: str, problem: str, tmp_path: Path) -> No
         ("surface_velocity: {linear: 0.5}", "surface_velocity.linear: expected"),
         ("surface_velocity: {angular: 1 m/s}", "'m/s' is not a unit of angular speed"),
         ("surface_velocity: {speed: 1}", "surface_velocity.speed: unknown key"),
-        ("surface_velocity: {linear: 1e9}", "surface_velocity.linear"),
+        ("surface_velocity: {linear: [1e9, 0, 0]}", "surface_velocity.linear.0: must be at most"),
         ("surface_velocity: {angular: .nan}", "surface_velocity.angular"),
         ("surface_velocity: {}", "a surface that does not move needs no 'surface_velocity'"),
         (
