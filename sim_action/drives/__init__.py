@@ -20,7 +20,6 @@ from sim_action.drives.plugins import (
     Kind,
     NoDrive,
     Stated,
-    base_mover,
     plugins_of_kind,
     source_of,
     unread_parameters,
@@ -219,7 +218,7 @@ def _recognised(same: SameModel) -> Drive | None:
         if (stated := DRIVES.load(name).stated(model)) is not None:
             return stated
     # A plugin rules other kinds out, also if it does not fit. Without wheels of its own, all of them.
-    likely = claimed or (DRIVES if base_mover(model) is None else ())
+    likely = claimed or (() if plugins_of_kind(model, "mover") else DRIVES)
     attempts = (_by_wheels(DRIVES.load(name), model) for name in likely)
     return next((drive for drive in attempts if not isinstance(drive, str)), None)
 
@@ -241,9 +240,12 @@ def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
     unfit = {drive.source(model): message for drive in reversed(stated) for message in _unfit(drive, model)}
     reasons = [f"{source} does not fit: {message}" for source, message in unfit.items()]
     reasons += [*(() if unfit else unusable_plugins(model)), *unread_parameters(model)]
-    if (mover := base_mover(model)) is not None:
+    for mover in plugins_of_kind(model, "mover")[:1]:
         remedy = "state the drive of the real robot, such as mecanum"
         reasons.append(f"{source_of(mover)} moves the base itself, without wheels: {remedy}")
+    for tracks in plugins_of_kind(model, "tracks")[:1]:
+        remedy = "put wheels in their place, or push the base with 'wrench'"
+        reasons.append(f"{source_of(tracks)} moves tracks, which are not simulated: {remedy}")
     chassis = undercarriage(model)
     likely = "ackermann" if chassis.steered else "skid" if len(chassis.driven) > _MAX_DIFF_WHEELS else "diff"
     kinds = sorted(DRIVES, key=lambda name: name != likely)

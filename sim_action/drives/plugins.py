@@ -14,8 +14,8 @@ from typing import Any, Final, Literal
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Plugin, RobotModel
 
-Kind = Literal["diff", "skid", "ackermann", "mecanum", "mover", "velocity joint", "position joint"]
-"""The effect of a plugin. A mover moves the base itself, without wheels."""
+Kind = Literal["diff", "skid", "ackermann", "mecanum", "mover", "tracks", "velocity joint", "position joint"]
+"""The effect of a plugin. A mover moves the base itself, without wheels; `tracks` move belts under it."""
 
 DIFF_PLUGINS: Final[tuple[Kind, ...]] = ("diff",)
 SKID_PLUGINS: Final[tuple[Kind, ...]] = ("skid", "diff")
@@ -29,6 +29,7 @@ _BY_NAME: Final[Mapping[str, Kind]] = {
     "SkidSteerDrivePlugin": "skid",
     "gazebo_ros_ackermann_drive": "ackermann",
     "gazebo_ros_planar_move": "mover",
+    "SimpleTrackedVehiclePlugin": "tracks",
     "diff_drive_controller/DiffDriveController": "diff",
     "ackermann_steering_controller/AckermannSteeringController": "ackermann",
     "bicycle_steering_controller/BicycleSteeringController": "ackermann",
@@ -44,6 +45,8 @@ _BY_SYSTEM: Final[Mapping[str, Kind]] = {
     "ackermann-steering": "ackermann",
     "mecanum-drive": "mecanum",
     "velocity-control": "mover",
+    "tracked-vehicle": "tracks",
+    "track-controller": "tracks",
     "joint-controller": "velocity joint",
     "joint-position-controller": "position joint",
 }
@@ -53,6 +56,8 @@ _BY_CLASS: Final[Mapping[str, Kind]] = {
     "AckermannSteering": "ackermann",
     "MecanumDrive": "mecanum",
     "VelocityControl": "mover",
+    "TrackedVehicle": "tracks",
+    "TrackController": "tracks",
     "JointController": "velocity joint",
     "JointPositionController": "position joint",
 }
@@ -165,11 +170,6 @@ def source_of(plugin: Plugin) -> str:
     is_controller = "/" in plugin.name
     name = f"controller '{plugin.title}'" if is_controller else f"plugin {plugin.name or plugin.title}"
     return f"{name} at {plugin.location}" if plugin.location else name
-
-
-def base_mover(model: RobotModel) -> Plugin | None:
-    """Return the first plugin that moves the base without wheels, else None."""
-    return next(iter(plugins_of_kind(model, "mover")), None)
 
 
 def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> Stated | None:

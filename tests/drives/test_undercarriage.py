@@ -216,6 +216,10 @@ FIRST_REASONS: dict[str, tuple[RobotModel, str]] = {
         asking(cart(*FOUR), "gz-sim-velocity-control-system", "topic=cmd_vel"),
         "plugin gz-sim-velocity-control-system at robot.urdf:7 moves the base itself",
     ),
+    "tracks": (
+        asking(cart(), "gz-sim-tracked-vehicle-system"),
+        "plugin gz-sim-tracked-vehicle-system at robot.urdf:7 moves tracks, which are not simulated",
+    ),
     "a plugin of another kind": (
         asking(cart(*FOUR), "gz-sim-mecanum-drive-system", "front_left_joint=x"),
         "plugin gz-sim-mecanum-drive-system at robot.urdf:7 does not fit: the model has no moving joint 'x'",
