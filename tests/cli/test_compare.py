@@ -133,6 +133,9 @@ def test_markdown_goes_to_a_file_or_takes_the_place_of_what_is_printed(capsys: p
     assert not Path("-").exists()
     with pytest.raises(UsageError, match=r"--markdown no/such\.md cannot be written: No such file or directory"):
         compare_results("old", "new", markdown="no/such.md")
+    Path("mine.md").write_text("mine")
+    with pytest.raises(UsageError, match=r"--markdown mine\.md exists and is not a comparison"):
+        compare_results("old", "new", markdown="mine.md")
 
 
 def test_github_gets_a_summary_and_outputs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,6 +165,30 @@ def test_a_body_that_is_not_there_yet_is_held_far_away_and_let_go_once() -> None
     assert [pose.position_xyz[2] for _, pose, _ in control.puts].count(0.5) == 1
 
 
+def test_bodies_and_patches_come_and_go_at_the_steps_of_their_times() -> None:
+    ball = {"name": "ball", "sphere": {"radius": 1}, "mass": 1, "appears": 0.02, "disappears": 0.05}
+    ice = {"size": (1, 2), "friction": 0.1, "appears": 0.03}
+    control, events = opened(objects=(ball,), patches=(ice,), ground={"friction": 0.5})
+    heights, frictions = [], []
+    for step in range(6):
+        go(events, step, step + 1)
+        heights.append(control.puts[-1][1].position_xyz[2])
+        frictions.append(len(control.frictions))
+    assert heights == [1e6, 0.5, 0.5, 0.5, 1e6, 1e6]
+    assert frictions == [0, 0, 1, 1, 1, 1]
+    assert dict(control.frictions) == pytest.approx({0: 0.2})
+
+
+def test_a_belt_moves_from_the_start_on() -> None:
+    belt = {"name": "belt", "box": (1, 1, 1), "surface_velocity": {"linear": (0.3, 0, 0)}}
+    scene, control = replace(traces.scene(), world=World.model_validate({"objects": (belt,)})), WrittenDown()
+    events = WorldEvents.of(scene, control, drives_surfaces=True)
+    assert events is not None
+    go(events, -3, 2)
+    assert [twist.linear_xyz[0] for _, _, twist in control.puts if twist != Twist()] == pytest.approx([0.3] * 3)
+    assert control.puts[0][2] == control.puts[2][2] == Twist()
+
+
 def test_a_payload_is_put_on_and_taken_off_once() -> None:
     load = {"payload": 2.0, "link": "base_link", "at": 0.1, "for": 0.05}
     control, events = opened(disturbances=(load, {"payload": -0.5, "at": 0.12}))
