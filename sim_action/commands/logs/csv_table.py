@@ -82,6 +82,8 @@ _MAX_COUNTED_S: Final = 1e30
 _SLOW_S: Final = 10.0
 _FEW_ROWS: Final = 5
 _SHORT_S: Final = 1e-3  # logs have no shorter times between their rows
+# On average, with several topics at once. Rows of 1 Hz whose times are in days are 1.2e-5 apart.
+_DENSE_S: Final = 2e-5
 Line = tuple[int, list[str]]  # the number of a line, from 1, and its cells
 
 
@@ -414,7 +416,7 @@ def _unit_problem(column: Column, times: Sequence[float], is_whole: bool) -> str
     span, latest = times[-1] - times[0], max(abs(times[0]), abs(times[-1]))
     steps = [later - earlier for earlier, later in pairwise(times) if later > earlier] or [0.0]
     is_series = not column.unit and len(steps) + 1 >= _FEW_ROWS
-    if is_series and 0 < span < _SHORT_S:
+    if is_series and 0 < span < max(_SHORT_S, _DENSE_S * len(times)):
         return f"column {shown(column.name)}: the log would last {span:g} s; are its times in days? convert them to s"
     slow = is_whole and is_series and median(steps) >= _SLOW_S
     if span <= _MAX_SPAN_S and latest <= _MAX_TIME_S and not slow:

@@ -265,6 +265,8 @@ def test_one_of_several_topics_is_selected(tmp_path: Path) -> None:
         (["0", "5000000000"], "in ns"),
         ([str(20 * n) for n in range(250)], "would last 4,980 s; if its times are in ms"),
         ([f"45000.{n:09}" for n in range(0, 9000, 1000)], "would last 8e-06 s; are its times in days?"),
+        # 10 Hz for 5 minutes
+        ([f"{45000 + n / 864_000:.9f}" for n in range(3_000)], "would last 0.00347106 s; are its times in days?"),
     ],
 )
 def test_times_in_another_unit_are_refused(times: list[str], message: str, tmp_path: Path) -> None:
