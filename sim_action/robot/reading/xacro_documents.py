@@ -30,7 +30,8 @@ _MAX_DEPTH: Final = 100
 _MAX_FILES: Final = 1_000
 _MAX_COPIES: Final = 200_000
 _KEY: Final = "place"
-_USED_ARGUMENT: Final = re.compile(r"\$\(arg\s+(\w+)\s*\)")
+# As $(arg NAME) or, in an expression, as xacro.arg('NAME').
+_USED_ARGUMENT: Final = re.compile(r"""\$\(arg\s+([^\s()]+)\s*\)|\bxacro\.arg\(\s*['"]([^'"]+)['"]""")
 
 
 class XacroError(Exception):
@@ -71,7 +72,7 @@ class XacroDocuments:
 
     def __init__(self) -> None:
         self.declared: set[str] = set()
-        """The names of all <xacro:arg> and $(arg NAME), also in parts that were not evaluated."""
+        """The names of all arguments that are declared or used, also in parts that were not evaluated."""
         self._files = 0
         self._copies = 0
 
@@ -90,7 +91,7 @@ class XacroDocuments:
             raise XacroError("bad-xml", f"{error}; save the file as UTF-8", Location(str(path), 1)) from None
         arguments = document.getElementsByTagName("xacro:arg")
         self.declared.update(argument.getAttribute("name") for argument in arguments)
-        self.declared.update(_USED_ARGUMENT.findall(data.decode(errors="replace")))
+        self.declared.update(match[1] or match[2] for match in _USED_ARGUMENT.finditer(data.decode(errors="replace")))
         return document
 
     def handle(self, _operation: int, key: str, data: Location, _source: Node, copy: Node | None) -> None:

@@ -88,7 +88,8 @@ def test_unknown_arguments_are_told_when_all_files_were_read(ros: RosWorkspace) 
     assert problems == [f"test.urdf.xacro: robot.args: {unknown} [unknown-argument]"]
     assert checked(ros, '<xacro:include filename="${x}"/>', "mas")[0] == []
     # xacro takes an argument that is used without a declaration.
-    assert checked(ros, '<xacro:if value="false"><a b="$(arg mas)"/></xacro:if>', "mas")[0] == []
+    for name, use in (("mas", "$(arg mas)"), ("arm-mass", "$(arg arm-mass )"), ("mas", "${xacro.arg('mas')}")):
+        assert checked(ros, f'<xacro:if value="false"><a b="{use}"/></xacro:if>', name)[0] == []
 
 
 def test_a_package_that_is_there_twice_is_noted(ros: RosWorkspace) -> None:
