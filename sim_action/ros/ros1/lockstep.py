@@ -164,10 +164,10 @@ class Lockstep:
     def _leavers(self) -> set[int]:
         joined = self._launcher.look() & self._joined - self._given_up
         try:
-            nodes = set(self._master.graph().pids.values()) if joined else set[int]()
+            nodes = frozenset(self._master.graph().pids.values()) if joined else frozenset[int]()
         except OSError:  # the master has ended
             return set()
-        return {pid for pid in joined if pid not in nodes or has_ended(pid)}
+        return {pid for pid in joined if has_ended(pid) or not _is_among(pid, nodes)}
 
     def _wait_for_newcomers(self, is_wanted: Callable[[], bool] = lambda: False) -> tuple[str, str] | None:
         """Wait until all processes are nodes and connected; return a node and a topic that are not in time."""
@@ -204,10 +204,10 @@ class Lockstep:
         graph = self._master.graph()
         self._pids = graph.pids
         nodes = frozenset(graph.pids.values())
-        self._joined |= siblings & nodes
+        joined = {pid for pid in siblings if _is_among(pid, nodes)}
+        self._joined |= joined
         self._watched.watch({*nodes, graph.master, os.getpid()})
-        others = siblings - nodes - self._given_up - {graph.master}
-        return sorted(pid for pid in others if nodes.isdisjoint(descendants(pid)))
+        return sorted(siblings - joined - self._given_up - {graph.master})
 
     def _lose(self, seconds: float) -> None:
         if self.is_kept:
@@ -243,3 +243,8 @@ class Lockstep:
             raise ControllersFinished("the nodes were asked to shut down")
         if self._tests and all(map(is_result_written, self._tests.values())):
             raise TestFinished("the test has finished")
+
+
+def _is_among(pid: int, nodes: frozenset[int]) -> bool:
+    """Return True if a process is one of the nodes, or has started one, as the shell of a `launch-prefix` does."""
+    return pid in nodes or not nodes.isdisjoint(descendants(pid))

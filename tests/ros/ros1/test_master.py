@@ -17,6 +17,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
+from sim_action.ros.processes import children
 from sim_action.ros.ros1 import lockstep
 from sim_action.ros.ros1.master import Master
 from tests.patience import wait_until
@@ -124,23 +125,51 @@ def test_nodes_their_processes_and_their_connections(master: Ros, asking: Master
             assert asking.first_unconnected(graph) == ("/listener", "/a")
 
 
+@contextmanager
+def posing(pid: int) -> Iterator[str]:
+    """The address of a node that answers as a process, and is connected to nothing."""
+    server = SimpleXMLRPCServer(("localhost", 0), logRequests=False)
+    server.register_function(lambda _: (1, "", pid), "getPid")
+    server.register_function(lambda _: (1, "", []), "getBusInfo")
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://localhost:{server.server_address[1]}/"
+    server.shutdown()
+    server.server_close()
+
+
+def lockstep_of(asking: Master) -> lockstep.Lockstep:
+    return lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: 0, newcomers_within=0.2)
+
+
 def test_a_clock_that_starts_although_a_node_is_not_connected_is_not_reproducible(
     master: Ros, asking: Master, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lockstep, "MAX_SETTLE_S", 0.2)
-    deaf = SimpleXMLRPCServer(("localhost", 0), logRequests=False)
-    deaf.register_function(lambda _: (1, "", os.getpid()), "getPid")
-    deaf.register_function(lambda _: (1, "", []), "getBusInfo")
-    threading.Thread(target=deaf.serve_forever, daemon=True).start()
-    with ServerProxy(master.uri) as register, master.node("listener", hears="/a"):
-        uri = f"http://localhost:{deaf.server_address[1]}/"
+    with ServerProxy(master.uri) as register, master.node("listener", hears="/a"), posing(os.getpid()) as uri:
         register.registerPublisher("/deaf", "/a", "std_msgs/String", uri)
-        clock = lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: 0, newcomers_within=0.2)
+        clock = lockstep_of(asking)
         clock.begin(frozenset, lambda: False)
-    deaf.shutdown()
-    deaf.server_close()
     reason = "the node 'listener' had no connection to all publishers of /a after 0.2 s of wall time"
     assert reason in clock.not_reproducible
+
+
+def test_the_process_that_roslaunch_knows_is_awaited_if_a_shell_has_started_the_node(
+    master: Ros, asking: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lockstep, "_CALM_S", 0.0)
+    words = ["sh", "-c", "sleep 100 & echo $!; wait; sleep 0.5"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE) as shell:
+        assert shell.stdout is not None
+        node = int(shell.stdout.readline())
+        with ServerProxy(master.uri) as register, posing(node) as uri:
+            register.registerPublisher("/child", "/a", "std_msgs/String", uri)
+            clock = lockstep_of(asking)
+            clock.begin(frozenset, lambda: False)
+            register.unregisterPublisher("/child", "/a", uri)
+            os.kill(node, signal.SIGTERM)
+            threading.Thread(target=shell.wait).start()
+            clock.await_leavers()
+            assert shell.pid not in children(os.getpid())
 
 
 def sockets() -> int:
