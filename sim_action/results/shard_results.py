@@ -49,6 +49,7 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
     files are not distinct parts of one list.
     """
     sharded = [(shard, file) for file in files if (shard := file.results.shard)]
+    # Outcomes of several engines have distinct names in one file.
     seen: dict[Unit, Path] = {}
     seen_outcomes = set[tuple[Unit, str]]()
     for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):

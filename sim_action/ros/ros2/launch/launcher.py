@@ -305,7 +305,7 @@ def main(path: str) -> int:
 
         names = ["--package-name", task["package"], "--junit-xml", task["results"]]
         sys.argv = ["launch_test", *names, task["file"], *task["arguments"]]
-        launch_test.main()
+        launch_test.main()  # does not return
     arguments = [(name, value) for name, _, value in (argument.partition(":=") for argument in task["arguments"])]
     file = IncludeLaunchDescription(AnyLaunchDescriptionSource(task["file"]), launch_arguments=arguments)
     service = LaunchService(argv=task["arguments"], noninteractive=True)
