@@ -15,7 +15,7 @@ from statistics import NormalDist, fmean, variance
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -425,6 +425,7 @@ def test_values_are_chosen_as_often_as_their_weights_say() -> None:
 
 
 @given(st.lists(st.floats(0, 1e300), min_size=2, max_size=8), SHARES)
+@example([0.0, math.ulp(0.0), 0.0], 0.5)  # the product with the last number is rounded up to the whole sum
 def test_a_value_without_weight_is_never_chosen(weights: list[float], share: float) -> None:
     assume(0 < sum(weights) < math.inf)
     choice = draws.Choice(choice=tuple(range(len(weights))), weights=tuple(weights))
