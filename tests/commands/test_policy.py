@@ -443,7 +443,11 @@ REFUSED_ACTIONS = [
         (identity(3), f"{ALL}, {EFFORT}", "give the terms in 'observation' or 'inputs', or give 'pictures'"),
         (recurrent(), f"{GRAVITY}, {ALL}, {EFFORT}", "is for one input, and the network has 'obs' (1 x 2"),
         (recurrent(), f"inputs: {{obs: [gravity]}}, output: actions, {ALL}, {EFFORT}", "the network also takes 'h_in'"),
-        (recurrent(), f"{GRAVITY}, state: {{h_in: h_ot}}, {ALL}, {EFFORT}", "no output 'h_ot'; did you mean 'h_out'?"),
+        (
+            recurrent(),
+            f"{GRAVITY}, state: {{h_in: h_ot}}, {ALL}, {EFFORT}",
+            "state.h_in: the network has no output 'h_ot'; did you mean 'h_out'?",
+        ),
         (recurrent(), f"inputs: {{obs: [gravity], h_in: [time]}}, {ALL}, {EFFORT}", "has several outputs; add 'output"),
         (TEXTS, f"{GRAVITY}, {ALL}, {EFFORT}", "a.onnx: input 'x' is of text, and not of numbers"),
         (b"no network", f"{GRAVITY}, {ALL}, {EFFORT}", "3:21: commands.policy.file: a.onnx is refused by"),

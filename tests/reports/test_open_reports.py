@@ -226,9 +226,15 @@ JENKINS = {"JENKINS_URL": "http://ci/"}
     ("name", "marks"),
     [("GITHUB_WORKSPACE", {}), ("CI_PROJECT_DIR", {}), ("WORKSPACE", JENKINS), ("WORKSPACE", {"BUILD_TAG": "a-1"})],
 )
-def test_paths_are_relative_to_the_workspace_of_a_service(name: str, marks: dict[str, str], tmp_path: Path) -> None:
+def test_paths_are_relative_to_the_workspace_of_a_service(
+    name: str, marks: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "repository/robot").mkdir(parents=True)
     below = tmp_path / "repository/robot"
+    monkeypatch.chdir(below)
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path / "repository"))
+    with open_reports(asked("out")) as options:
+        assert options.workspace == tmp_path / "repository"
     assert workspace_of({name: str(tmp_path / "repository"), **marks}, below) == tmp_path / "repository"
     # A variable of another program is no workspace.
     assert workspace_of({"WORKSPACE": "/"}, tmp_path) == workspace_of({}, tmp_path) == tmp_path
