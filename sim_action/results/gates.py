@@ -331,7 +331,7 @@ def _is_whole(claim: Quantile, expected: ExpectationOutcome, run: Outcome) -> bo
     if verdict.goal:
         return not (verdict.passed and _is_beyond(claim, expected))
     # A failure ended the run, or an invariant that only warns keeps the value with which it failed.
-    is_final = verdict.passed or expected.severity == "error" or verdict.time == run.sim_time
+    is_final = verdict.passed or expected.severity == "error" or verdict.time in (None, run.sim_time)
     return run.end != "expectation failed" and is_final
 
 

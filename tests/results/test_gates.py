@@ -215,6 +215,8 @@ def test_values_that_are_not_known() -> None:
     failing = expected.model_copy(update={"verdict": Verdict(False, 1.5, 1.6, -0.1, "m", time=2.0)})
     warning = failing.model_copy(update={"severity": "warning"})
     at_the_end = warning.model_copy(update={"verdict": replace(failing.verdict, time=3.0)})
+    # The function of a user, which is called at the end.
+    timeless = warning.model_copy(update={"verdict": replace(failing.verdict, time=None)})
     goal = expected.model_copy(update={"verdict": Verdict(True, 1.5, 1.0, 0.5, "m", time=2.0, goal=True)})
     for end, expectation, is_whole in (
         ("expectation failed", expected, False),
@@ -223,6 +225,7 @@ def test_values_that_are_not_known() -> None:
         ("duration", failing, True),
         ("duration", warning, False),
         ("duration", at_the_end, True),
+        ("duration", timeless, True),
         ("duration", expected, True),
     ):
         runs = [whole.model_copy(update={"end": end, "expectations": (expectation,)}) for _ in range(100)]
