@@ -53,11 +53,12 @@ def docstring_violations(name: str, source: str) -> Iterator[str]:
 
 
 def name_violations(name: str, source: str) -> Iterator[str]:
-    """Yield the variables, parameters and fields with vague names."""
+    """Yield the variables, parameters, fields and functions with vague names."""
     for node in ast.walk(ast.parse(source)):
         match node:
-            case ast.Name(id=word, ctx=ast.Store()) | ast.arg(arg=word) if word in _VAGUE_NAMES:
-                yield f"{name}:{node.lineno}: name the thing; '{word}' can be anything"
+            case ast.Name(id=word, ctx=ast.Store()) | ast.arg(arg=word) | ast.FunctionDef(name=word):
+                if word.strip("_") in _VAGUE_NAMES:
+                    yield f"{name}:{node.lineno}: name the thing; '{word}' can be anything"
 
 
 def wording_violations(name: str, source: str) -> Iterator[str]:

@@ -188,7 +188,7 @@ class _Call:
     def _search(self, originals: Mapping[int, Original], searches: Mapping[int, Sequence[Search]]) -> None:
         """Run the values of all factors, in rounds: what runs next depends on the results of a round alone."""
         pairs = [(place, search) for place, several in searches.items() for search in several]
-        while next_values := [(place, side, value) for place, search in pairs for side, value in search.wanted()]:
+        while next_values := [(place, side, value) for place, search in pairs for side, value in search.next_values()]:
             trials: list[tuple[int, Trial]] = []
             for place, side, value in next_values:
                 one = trial(originals[place], side.factor, value, self._request.plan.permissions, self._libraries)

@@ -121,19 +121,19 @@ def _write(
 ) -> None:
     """Write the proof, the page and files of GitHub; replays are in `replays`. Raise UsageError."""
     if request.json is not None:
-        with _told(f"--json {request.json}"):
+        with _writing(f"--json {request.json}"):
             proof.write(request.json)
     if request.has_report:
-        with _told(str(options.folder / REPORT_FILE)):
+        with _writing(str(options.folder / REPORT_FILE)):
             write_proof_page(proof, shown, options, replays)
-    with _told("the job summary or the outputs"):
+    with _writing("the job summary or the outputs"):
         write_proof_outputs(proof, options)
         if "summary" not in options.silenced:
             write_proof_summary(proof, options)
 
 
 @contextmanager
-def _told(target: str) -> Iterator[None]:
+def _writing(target: str) -> Iterator[None]:
     """Raise UsageError for an OSError inside."""
     try:
         yield

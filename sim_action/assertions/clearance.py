@@ -225,7 +225,7 @@ class ClearanceMonitor(Monitor):
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. The moments are the steps at which a body is there, but for t = 0."""
         record = recorded(trace, self.spec.close)
-        time = record.there(trace.time[trace.time > TIME_EPSILON_S])
+        time = record.valid(trace.time[trace.time > TIME_EPSILON_S])
         distance = np.full(len(time), math.inf)
         if len(record) and len(time):
             # Two computations of the time of a step differ by rounding.
@@ -271,7 +271,7 @@ class ClearanceMonitor(Monitor):
         if limit is None or near is None:
             return self._unknown(limit)
         distance, least = units.display_apart(near.distance, limit, "m")
-        message = f"{_told(near, distance)} at {near.time:.2f} s"
+        message = f"{_nearness_text(near, distance)} at {near.time:.2f} s"
         message = f"closest approach: {message}" if passed else f"{message}, less than {least}"
         margin, body = self.invariant.margin, "" if passed else near.body
         return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps, body=body)
@@ -286,9 +286,9 @@ class ClearanceMonitor(Monitor):
             return self._unknown(limit)
         distance, _ = units.display_apart(near.distance, limit, "m")
         message = (
-            f"{_told(near, distance)} at {near.time:.2f} s"
+            f"{_nearness_text(near, distance)} at {near.time:.2f} s"
             if passed
-            else f"closest approach in {self.end:.1f} s: {_told(near, distance)} at {near.time:.2f} s"
+            else f"closest approach in {self.end:.1f} s: {_nearness_text(near, distance)} at {near.time:.2f} s"
         )
         margin, body = self.goal.margin, near.body if passed else ""
         return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps, body=body)
@@ -301,7 +301,7 @@ class ClearanceMonitor(Monitor):
         return Verdict(False, None, limit, None, "m", None, message, judged=Judged())
 
 
-def _told(near: Nearness, distance: str) -> str:
+def _nearness_text(near: Nearness, distance: str) -> str:
     if near.distance < 0:
         return f"{near.link} was inside {near.body} by {distance.removeprefix('-')}"
     return f"{near.link} was {distance} from {near.body}"

@@ -307,12 +307,10 @@ class TouchMonitor(Monitor):
         return force * self.mean.window
 
     def _is_strong(self, force: FloatArray) -> NDArray[np.bool_]:
-        """Return True where a mean force is not less than the lower limits."""
         least, impulse = self.spec.at_least or 0.0, self.spec.impulse_limits[0] or 0.0
         return np.asarray((force - least >= 0) & (self._impulses(force) - impulse >= 0))
 
     def _is_gentle(self, force: FloatArray) -> NDArray[np.bool_]:
-        """Return True where a mean force is not more than the upper limits."""
         most, impulse = self.spec.at_most, self.spec.impulse_limits[1]
         gentle = np.ones(len(force), dtype=bool) if most is None else np.asarray(most - force >= 0)
         return gentle if impulse is None else gentle & np.asarray(impulse - self._impulses(force) >= 0)

@@ -204,7 +204,6 @@ class ObjectAssertion(Assertion):
             yield from (one.below((self.part.key,)) for one in self.part.run_claims(replace(run, trace=seen)))
 
     def _is_pushed(self, run: JudgedRun) -> bool:
-        """Return True if a disturbance pushes the object."""
         mass = next((body.mass or 0.0 for body in run.scene.world.objects if body.name == self.name), 0.0)
         return any(push.is_felt(mass) for push in run.scene.world.disturbances if push.body == self.name)
 

@@ -83,13 +83,13 @@ def leave_out_plugins() -> None:
         return
     loader = sys.modules[name] = ModuleType(name)
 
-    def found(attribute: str) -> object:
+    def attribute_of(attribute: str) -> object:
         if attribute.startswith("__"):
             raise AttributeError(attribute)
         sys.modules.pop(name, None)
         return getattr(import_module(name), attribute)
 
-    vars(loader).update(get_plugins=tuple, __getattr__=found)
+    vars(loader).update(get_plugins=tuple, __getattr__=attribute_of)
 
 
 def _with_inputs(message: str, inputs: Mapping[str, str] | None) -> str:

@@ -152,12 +152,12 @@ def _names(files: Sequence[FileOfScenarios], shard: Sequence[tuple[int, int]]) -
 
 
 def _durations(files: Sequence[FileOfScenarios], durations_by_unit: Mapping[Unit, float]) -> list[float]:
-    durations_by_file = [_known(file, durations_by_unit) for file in files]
+    durations_by_file = [_durations_of(file, durations_by_unit) for file in files]
     mean = _mean((duration for durations in durations_by_file for duration in durations), 1.0)
     return [duration or _mean(durations, mean) for durations in durations_by_file for duration in durations]
 
 
-def _known(file: FileOfScenarios, durations_by_unit: Mapping[Unit, float]) -> list[float | None]:
+def _durations_of(file: FileOfScenarios, durations_by_unit: Mapping[Unit, float]) -> list[float | None]:
     name = compared_name(file_name(file.path))
     return [durations_by_unit.get((name, number)) for number in file.numbers]
 

@@ -103,7 +103,6 @@ def merge_results(request: MergeRequest) -> ExitCode:
 
 
 def _of_lost(path: Path, reason: str) -> Outcome:
-    """Return the error for a results file that cannot be joined."""
     message = f"{reason}; the verdicts in it are lost: run its shard again with this version of sim-action"
     failure = Failure(kind="missing", title="no results", message=message)
     return Outcome(name=escaped_line(str(path)), file="", status="error", failures=(failure,))

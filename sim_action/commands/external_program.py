@@ -397,7 +397,7 @@ def _object(value: Any) -> Mapping[str, Any]:
     if value is None:
         return {}
     if not isinstance(value, dict):
-        raise AnswerError(f"it is {_found(value)}; expected an object, such as {{}}")
+        raise AnswerError(f"it is {_shown(value)}; expected an object, such as {{}}")
     return value
 
 
@@ -415,11 +415,11 @@ def _twist_command(value: Any) -> Twist:
 
 def _wrench_commands(value: Any) -> Iterator[LinkWrench]:
     if not isinstance(value, list):
-        raise AnswerError(f"'wrenches' is {_found(value)}; expected a list of objects")
+        raise AnswerError(f"'wrenches' is {_shown(value)}; expected a list of objects")
     for index, wrench in enumerate(value):
         where = f"wrenches.{index}"
         if not isinstance(wrench, dict):
-            raise AnswerError(f"'{where}' is {_found(wrench)}; expected an object with 'link' and 'force' or 'torque'")
+            raise AnswerError(f"'{where}' is {_shown(wrench)}; expected an object with 'link' and 'force' or 'torque'")
         _check_keys(wrench, _WRENCH, f"'{where}'")
         if "link" not in wrench:
             raise AnswerError(f"'{where}' has no 'link'")
@@ -431,26 +431,26 @@ def _wrench_commands(value: Any) -> Iterator[LinkWrench]:
 
 def _name(value: Any, where: str) -> str:
     if not isinstance(value, str):
-        raise AnswerError(f"'{where}' is {_found(value)}; expected a name")
+        raise AnswerError(f"'{where}' is {_shown(value)}; expected a name")
     return value
 
 
 def _vector(value: Any, where: str) -> Vector3:
     if not isinstance(value, list) or len(value) != 3:
-        raise AnswerError(f"'{where}' is {_found(value)}; expected a list of 3 numbers")
+        raise AnswerError(f"'{where}' is {_shown(value)}; expected a list of 3 numbers")
     x, y, z = (_number(number, f"'{where}.{index}'") for index, number in enumerate(value))
     return x, y, z
 
 
 def _numbers(value: Any, where: str) -> dict[str, float]:
     if not isinstance(value, dict):
-        raise AnswerError(f"'{where}' is {_found(value)}; expected an object of numbers by name")
+        raise AnswerError(f"'{where}' is {_shown(value)}; expected an object of numbers by name")
     return {name: _number(number, f"'{where}.{name}'") for name, number in value.items()}
 
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise AnswerError(f"{where} is {_found(value)}; expected a number")
+        raise AnswerError(f"{where} is {_shown(value)}; expected a number")
     try:
         number = float(value)
     except OverflowError:
@@ -460,5 +460,5 @@ def _number(value: Any, where: str) -> float:
     return number
 
 
-def _found(value: Any) -> str:
+def _shown(value: Any) -> str:
     return "null" if value is None else "an object" if isinstance(value, dict) else shown(value)

@@ -289,7 +289,6 @@ class PolicyCommands(CommandSource):
                 )
 
     def _free(self, network: Network) -> list[Tensor]:
-        """Return the inputs that no key names."""
         named = {name for key in _INPUT_KEYS for name in getattr(self, key)}
         return [tensor for name, tensor in network.inputs.items() if name not in named]
 
@@ -307,7 +306,6 @@ class PolicyCommands(CommandSource):
         return self.output or (names[0] if len(names) == 1 else None)
 
     def _inputs(self, network: Network) -> dict[str, tuple[Term, ...]]:
-        """Return the terms of each input by its name."""
         free = self._free(network)
         groups = {name or (free[0].name if len(free) == 1 else ""): terms for name, terms in self._groups()}
         return {name: terms for name, terms in groups.items() if name in network.inputs}

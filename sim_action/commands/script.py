@@ -135,7 +135,7 @@ class ScriptCommands(CommandSource):
         # numpy's seed is a list of 32-bit words.
         np.random.seed([seed & _WORD, seed >> 32])
         names = run_file(path, _CONTROLLER)
-        name, ask = self._found(names, path, scene)
+        name, ask = self._named(names, path, scene)
         motors = Saturation(scene.model, path.name)
 
         def command(observation: Observation) -> Answer:
@@ -149,7 +149,7 @@ class ScriptCommands(CommandSource):
 
         return ClosedLoop(command, notes=motors.notes)
 
-    def _found(self, names: Mapping[str, Any], path: Path, scene: Scene) -> tuple[str, Callable[[Observation], object]]:
+    def _named(self, names: Mapping[str, Any], path: Path, scene: Scene) -> tuple[str, Callable[[Observation], object]]:
         """Return the name of the controller in messages, and the function to call at every tick. Raises ScriptError."""
         own = [name for name in names if not name.startswith("__")]
         try:

@@ -57,22 +57,22 @@ class InstalledPart:
 
     def load(self, base: type) -> type:
         """Import and return the class. Raise PackageProblem if this fails, or if it is no `base` of that name."""
-        if isinstance(self._found, PackageProblem):
-            raise self._found
-        if (reason := _why_no_part(self._found, base, self.name)) is not None:
+        if isinstance(self._loaded, PackageProblem):
+            raise self._loaded
+        if (reason := _why_no_part(self._loaded, base, self.name)) is not None:
             raise PackageProblem(f"{self}: {self.entry.value} {reason}")
-        assert isinstance(self._found, type)
-        return self._found
+        assert isinstance(self._loaded, type)
+        return self._loaded
 
     @cached_property
-    def _found(self) -> object:
+    def _loaded(self) -> object:
         """The object that the entry point names, or the problem: a failed import is not repeated for each variation."""
         if len(self.packages) > 1:
             return PackageProblem(f"'{self.name}' is in {' and in '.join(self.packages)}; uninstall one of them")
         try:
             return self.entry.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - code of others may raise anything
-            return PackageProblem(f"{self} cannot be imported: {_told(error, _last_place(error.__traceback__))}")
+            return PackageProblem(f"{self} cannot be imported: {_error_text(error, _last_place(error.__traceback__))}")
 
 
 def _why_no_part(target: object, base: type, name: str) -> str | None:
@@ -169,11 +169,11 @@ def blame(error: BaseException) -> Blame | None:
         for group in GROUPS if not module.startswith("sim_action.") else ():
             for part in installed_parts(group).values():
                 if _top(part.entry.module) == _top(module):
-                    return Blame(part.name, f"{part} raised {_told(error, place)}")
+                    return Blame(part.name, f"{part} raised {_error_text(error, place)}")
     return None
 
 
-def _told(error: BaseException, place: str) -> str:
+def _error_text(error: BaseException, place: str) -> str:
     return escaped_line(f"{type(error).__name__}: {error}{place and f' ({place})'}")
 
 

@@ -111,14 +111,14 @@ class Workspace:
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""
-        resolved, is_folder = self._found(path)
+        resolved, is_folder = self._resolved(path)
         if is_folder:
             raise PathError(f"'{path}' is a folder, not a file (looked for {resolved})")
         return resolved
 
     def file_or_folder(self, path: str) -> Path:
         """Return the absolute path of a file or folder that a scenario names. Raise PathError."""
-        return self._found(path)[0]
+        return self._resolved(path)[0]
 
     def refusal(self, file: Path) -> str | None:
         """Return why a file, whose links are resolved, may not be read, to continue its name; None: it may."""
@@ -156,7 +156,7 @@ class Workspace:
         except PathError:
             return False
 
-    def _found(self, path: str) -> tuple[Path, bool]:
+    def _resolved(self, path: str) -> tuple[Path, bool]:
         """Return the absolute path, and True if it is a folder."""
         try:
             resolved = (self.directory / path).resolve()

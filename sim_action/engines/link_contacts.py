@@ -143,7 +143,6 @@ class LinkContacts:
         return replace(trace, self_contacts=contacts)
 
     def _in_order(self, one: str, other: str) -> tuple[str, str]:
-        """Return two links in the order of the model."""
         return (one, other) if self._order[one] <= self._order[other] else (other, one)
 
 

@@ -146,7 +146,7 @@ def _inside(workspace: Path, file: str | Path) -> str | None:
 
 
 @lru_cache(maxsize=1024)
-def _below(path: str, folder: str, _here: str) -> str | None:
+def _below(path: str, folder: str, _directory: str) -> str | None:
     target, root = Path(os.path.abspath(path)), Path(os.path.abspath(folder))  # noqa: PTH100 - links are kept
     return target.relative_to(root).as_posix() if target.is_relative_to(root) else None
 

@@ -353,7 +353,6 @@ class Repeats(FrozenModel):
 
 
 def _stated_by(source: Source | Refused) -> dict[str, Any]:
-    """Return the attributes of an outcome that its scenario states."""
     stated = {name: getattr(source, name) for name in ("name", "line", "number", "group", "tags", "variation")}
     return {**stated, "gate": None if source.gate is None else source.gate.name}
 

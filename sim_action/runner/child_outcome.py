@@ -236,7 +236,6 @@ def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
 
 
 def _is_moving(child: ChildProcess) -> bool:
-    """Return True if sim time still moved on shortly before the wall limit."""
     begun = child.started if child.judged is None else child.judged
     limit = child.job.loaded.scenario.wall_seconds
     return child.moved is not None and child.moved > begun + (1 - _MOVING_PART) * limit

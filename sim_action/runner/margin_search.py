@@ -465,7 +465,7 @@ class Search:
         search.sides = [Side(search.factor, 0.0, 0.0, [Trial(0.0, reason="the scenario has no such factor")])]
         return search
 
-    def wanted(self) -> Sequence[tuple[Side, float]]:
+    def next_values(self) -> Sequence[tuple[Side, float]]:
         """Return the next values to try."""
         if self._has_scanned:
             pairs = [(side, value) for side in self.sides if (value := side.middle()) is not None]

@@ -236,7 +236,7 @@ def merge_repeats(loaded: LoadedScenario, outcomes: Sequence[Outcome], folder: P
     if ours is not None or not runs:
         outcome, kept = ours or outcomes[0], [ours or outcomes[0]]
     else:
-        outcome, kept = _told(loaded, runs, folder)
+        outcome, kept = _outcome_of_runs(loaded, runs, folder)
     _remove(folder, [one for one in outcomes if all(one is not other for other in kept)])
     if len(runs) < len(outcomes) and outcome.status == "passed":
         note = f"run {len(runs)} of {len(outcomes)} times: another scenario did not pass (--fail-fast)"
@@ -265,7 +265,7 @@ class _Run:
         return f"run {self.number} {self.outcome.ending}"
 
 
-def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[Outcome, list[Outcome]]:
+def _outcome_of_runs(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[Outcome, list[Outcome]]:
     """Return the outcome for all runs, and the runs whose traces are kept."""
     alike: dict[Hashable, list[_Run]] = {}
     for run in runs:

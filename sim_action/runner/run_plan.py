@@ -287,7 +287,6 @@ class Runs:
 
     @cached_property
     def _stems(self) -> Sequence[str]:
-        """The name without an ending for the files of each run."""
         return list(file_stems(loaded.scenario.name for _ in range(self.repeat) for loaded in self.scenarios))
 
     def loaded(self, index: int) -> LoadedScenario:
@@ -363,7 +362,6 @@ class Scheduler(ABC):
         return self._runs.is_needless(self._runs.place_and_turn(index)[0])
 
     def _start(self, index: int) -> None:
-        """Report the start of a run, once."""
         if index not in self._started:
             self._started.add(index)
             self._emit(Started(*self._runs.place_and_turn(index), self._runs.name(index)))

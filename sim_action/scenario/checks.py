@@ -249,7 +249,6 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
 
 
 def _self_collision_problems(model: RobotModel) -> SpecProblems:
-    """Yield a problem if no two links of the robot can touch each other."""
     if next(touchable_pairs(model), None) is None:
         yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
 

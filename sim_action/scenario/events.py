@@ -258,7 +258,6 @@ def _changed(
     faults: Iterable[Fault],
     **others: object,
 ) -> Scenario:
-    """Return a scenario with other parts of its world, and other faults."""
     parts = {"disturbances": tuple(disturbances), "objects": tuple(objects), "patches": tuple(patches)}
     world = scenario.world.model_copy(update=parts)
     return scenario.model_copy(update={"world": world, "faults": tuple(faults), **others})

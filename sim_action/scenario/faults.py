@@ -59,7 +59,6 @@ def _fits(written: object, column: ReadingColumn) -> bool:
 
 
 def _as_text(bias: object) -> str:
-    """Return the error of a biased sensor as it is written."""
     if isinstance(bias, dict):
         return ", ".join(f"{_as_text(value)} in {name}" for name, value in bias.items())
     return f"({', '.join(map(str, bias))})" if isinstance(bias, tuple) else str(bias)

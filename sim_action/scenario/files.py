@@ -165,7 +165,7 @@ def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> 
     """Return the document that another one extends, as seen from that one's folder."""
     reference = _keys(document)["extends"]
     try:
-        path = _found(reference, workspace, chain)
+        path = _base_file(reference, workspace, chain)
     except PathError as error:
         raise InvalidScenario([document.problem(("extends",), str(error))]) from None
     own = replace(workspace, directory=path.parent)
@@ -180,7 +180,7 @@ def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> 
     return seen_from(workspace.directory, base, path.parent)
 
 
-def _found(reference: object, workspace: Workspace, chain: tuple[Path, ...]) -> Path:
+def _base_file(reference: object, workspace: Workspace, chain: tuple[Path, ...]) -> Path:
     """Return the path of a base file. Raises PathError."""
     if not isinstance(reference, str):
         raise PathError(f"expected the path of one file, found {shown(reference)}")

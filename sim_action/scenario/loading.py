@@ -300,7 +300,6 @@ class _Loader:
             self._check_scene(scene, scenario, states_drive=states_drive)
 
     def _actors(self, scenario: Scenario) -> Iterator[tuple[DrivenActor, OwnPaths, KeyPath]]:
-        """Yield the other robots, with the paths of their parts and of their entries."""
         for index, (actor, paths) in enumerate(zip(scenario.world.actors, self._parts.actor_paths, strict=True)):
             yield actor, paths, ("world", "actors", index)
 
@@ -408,7 +407,6 @@ class _Loader:
 
 
 def _of_actor(problems: Iterable[SpecProblem], to: KeyPath) -> SpecProblems:
-    """Yield problems with the path of the robot replaced by another one."""
     for path, message in problems:
         yield ((*to, *path[1:]) if path[:1] == ("robot",) else path), message
 

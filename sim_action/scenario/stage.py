@@ -287,7 +287,6 @@ class Clashes:
 
     @property
     def _deep(self) -> tuple[Clash, ...]:
-        """The clashes that are errors unless they are allowed, the deepest first."""
         deep = (*self.own, *(clash for clash in self.of_file if clash.depth > MAX_FILE_OVERLAP_M))
         return tuple(sorted(deep, key=lambda clash: -clash.depth))
 

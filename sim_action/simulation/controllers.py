@@ -71,7 +71,6 @@ class _Source:
 
 
 def _until_due(source: _Source, step: int) -> int:
-    """Return the number of physics steps until the controller of a source is called next."""
     due, step = source.due or (), step - source.origin
     following = bisect_right(due, step)
     return due[following] - step if following < len(due) else sys.maxsize

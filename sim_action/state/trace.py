@@ -290,7 +290,6 @@ def rotation_angles(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _joined(several: Sequence[Mapping[Any, Any]]) -> Any:
-    """Return the records of all traces by their names, each joined."""
     names = dict.fromkeys(name for records in several for name in records)
     by_name = {name: [records[name] for records in several if name in records] for name in names}
     return {name: type(pieces[0]).concatenate(pieces) for name, pieces in by_name.items()}

@@ -188,7 +188,7 @@ class ClearanceRecord(_Table):
             presence,
         )
 
-    def there(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def valid(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return those of some times in s at which a body is there."""
         if self.presence == (ALWAYS,):
             return time

@@ -249,7 +249,7 @@ def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resum
     pytest.importorskip("mujoco")
     factors = ("--factor", "friction", "--factor", "mass", "--runs", "10")
     whole = margins_of(tmp_path, PUSHED, *factors)
-    wanted = Search.wanted
+    wanted = Search.next_values
 
     def interrupted(search: Search) -> Any:
         # The nominal run and the scan have ended.
@@ -355,7 +355,7 @@ def test_the_start_varies_from_that_of_a_keyframe(tmp_path: Path, pose: dict[str
 def both_sides(factor: Factor, passes: Callable[[float], bool], asked: float | None, most: int) -> list[Margin]:
     """Return the margins of a factor in its directions, found without a simulation."""
     search = Search(factor, asked, most)
-    while wanted := search.wanted():
+    while wanted := search.next_values():
         for side, value in wanted:
             side.trials.append(Trial(value))
             side.trials[-1].take(outcome("a.sim.yml", holds=passes(value)))

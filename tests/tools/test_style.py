@@ -74,6 +74,7 @@ def test_a_check_of_no_files_is_a_violation() -> None:
         ("problems = f()", "found = f()", "name the thing; 'found' can be anything"),
         ("for part in parts: ...", "for each in parts: ...", "name the thing; 'each' can be anything"),
         ("def f(pose): ...", "def f(given): ...", "name the thing; 'given' can be anything"),
+        ("def poses(): ...", "def _found(): ...", "name the thing; '_found' can be anything"),
         ("a = 1  # the limit", "a = 1  # that of the limit", "avoid 'that of' in docstrings and comments"),
         ('"""The rest."""', '"""Return what\nis left."""', "avoid 'what is' in docstrings and comments"),
         (

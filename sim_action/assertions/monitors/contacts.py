@@ -186,8 +186,8 @@ def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
 def distances_known(trace: Trace, record: ClearanceRecord, is_known: bool) -> FloatArray:
     """Return the times in s of the steps at which a body is there, from the first distance on unless `is_known`."""
     if is_known:
-        return record.there(trace.time)
-    return record.there(trace.time[trace.time >= record.time[0] - TIME_EPSILON_S] if len(record) else trace.time[:0])
+        return record.valid(trace.time)
+    return record.valid(trace.time[trace.time >= record.time[0] - TIME_EPSILON_S] if len(record) else trace.time[:0])
 
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:

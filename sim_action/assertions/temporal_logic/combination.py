@@ -64,7 +64,6 @@ class Junction(Fold):
 
     @cached_property
     def _results(self) -> list[tuple[State, bool]]:
-        """The state of each fold, and True if it is decided."""
         return [(fold.state, fold.is_decided) for fold in self.folds]
 
 

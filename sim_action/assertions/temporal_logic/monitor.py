@@ -406,7 +406,7 @@ class StlMonitor(Monitor):
             message = _about_evidence(self.formula, self.first, self.last, judged)
             return Verdict(passed, message=message, judged=judged)
         unit = self.units[decisive.comparison]
-        measured, limit, message = _told(decisive, unit)
+        measured, limit, message = _decision(decisive, unit)
         return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, message, judged=judged)
 
     def _unknown(self) -> str:
@@ -482,7 +482,7 @@ class BooleanPart(Junction, Part):
         return next(outcome for outcome in outcomes if not outcome.judged.moments)
 
 
-def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
+def _decision(decisive: Cause, unit: str) -> tuple[float, float, str]:
     """Return measured value, limit and message; for two signals, the measured value is their difference."""
     comparison = decisive.comparison
     left, right = units.display_apart(decisive.left, decisive.right, unit)

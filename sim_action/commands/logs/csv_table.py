@@ -169,7 +169,6 @@ class Header:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Return a name without its unit, and the unit."""
     match = _WITH_UNIT.fullmatch(name)
     return (match[1], match[2]) if match and match[2] in _UNITS else (name, "")
 

@@ -179,7 +179,6 @@ def _texts(data: bytes, count: int) -> Iterator[str]:
 
 
 def _type(name: str) -> str:
-    """Return the name of a message type in the form of ROS 2."""
     return name if "/msg/" in name else name.replace("/", "/msg/")
 
 

@@ -390,7 +390,6 @@ class MuJoCoEngine(SimulatedRobot, Engine):
             robot.settle()
 
     def _apply_others(self, targets: Mapping[str, JointTargets]) -> None:
-        """Pass targets to the other robots, by name, and look which forces act from now on."""
         for name, own in targets.items():
             self.actors[name].apply(own)
         self._is_disturbed = self._events is not None or any(robot.has_forces for robot in self._robots)

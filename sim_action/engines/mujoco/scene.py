@@ -210,12 +210,12 @@ class _Last:
     Variations of a scenario often are. A run changes its model, so each one gets a copy, in a tenth of the time.
     """
 
-    _known: ClassVar[tuple[Scene, CompiledScene | None] | None] = None
+    _cached: ClassVar[tuple[Scene, CompiledScene | None] | None] = None
 
     @classmethod
     def copied(cls, scene: Scene) -> CompiledScene | None:
         """Return a copy of the last compiled scene, before its state is set, if it is that of this scene."""
-        before, kept = cls._known or (scene, None)
+        before, kept = cls._cached or (scene, None)
         if kept is None or not _is_again(scene, before):
             return None
         compiled = replace(kept, model=copy.copy(kept.model))
@@ -226,8 +226,8 @@ class _Last:
     @classmethod
     def keep(cls, scene: Scene, compiled: CompiledScene) -> CompiledScene:
         """Return a scene that was compiled, before its state is set; keep a copy if the one before was equal."""
-        is_again = cls._known is not None and _is_again(scene, cls._known[0])
-        cls._known = scene, replace(compiled, model=copy.copy(compiled.model)) if is_again else None
+        is_again = cls._cached is not None and _is_again(scene, cls._cached[0])
+        cls._cached = scene, replace(compiled, model=copy.copy(compiled.model)) if is_again else None
         return compiled
 
 

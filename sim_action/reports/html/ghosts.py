@@ -61,7 +61,7 @@ class Ghost:
             "replay": self.block if self.block in blocks.blocks else None,
             "parting": None
             if parts is None
-            else {"time": parts.time, "words": f"{parts.told[0].upper()}{parts.told[1:]}"},
+            else {"time": parts.time, "words": f"{parts.clause[0].upper()}{parts.clause[1:]}"},
             "alike": self.alike,
             "shown": self.is_shown,
             "repetition": self.is_repetition,
@@ -138,11 +138,11 @@ class GhostSources:
             self._find_golden(identity, replay)
             self._find_engine(identity, outcome, replay)
             self._find_repetition(identity, outcome, replay)
-        parts = self._told(identity, self.changes.get(id(outcome)))
+        parts = self._change_texts(identity, self.changes.get(id(outcome)))
         words = Html("; ".join(map(text, parts)))
         return joined(Html(f"Since the {BASE_RUN}: {words}.") if words else "", missing)
 
-    def _told(self, identity: str, change: ScenarioChange | None) -> Iterator[str]:
+    def _change_texts(self, identity: str, change: ScenarioChange | None) -> Iterator[str]:
         """Yield what changed since the base run, the causes first."""
         parts = [
             base_ghost.parting
@@ -156,7 +156,7 @@ class GhostSources:
             if change.command:
                 yield Html(f"another command, {element('b', change.command)}")
             same = ", after the same commands" if change.command == "" else ""
-        yield from (f"{part.told}{same}" for part in parts)
+        yield from (f"{part.clause}{same}" for part in parts)
         if change is not None:
             yield change.words
 
@@ -365,7 +365,7 @@ class Parting:
     is_end: bool = False  # True if the motions are the same up to there
 
     @property
-    def told(self) -> str:
+    def clause(self) -> str:
         """A clause such as "the motions part at 3.40 s, by more than 5 mm"."""
         return f"the motions {'are the same up to' if self.is_end else 'part at'} {moment(self.time)}, {self.words}"
 

@@ -135,7 +135,6 @@ def write_history(runs: Sequence[EarlierRun], folder: Path) -> list[str]:
 
 
 def _label(run: EarlierRun) -> str:
-    """Return the commit of a run, or the name of its folder, with the day."""
     name = run.commit[:_COMMIT_DIGITS] if run.commit else Path(run.name).name or run.name
     return f"{name} ({run.started_at:%Y-%m-%d})" if isinstance(run.started_at, datetime) else name
 

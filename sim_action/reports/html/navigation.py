@@ -168,7 +168,7 @@ def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Htm
         return element("li", link, fold, class_="group gate")
     title = joined(
         status_mark(group.status),
-        element("span", one_line(group.name), element("small", _told(group), class_="faint"), class_="name"),
+        element("span", one_line(group.name), element("small", _count_text(group), class_="faint"), class_="name"),
     )
     if place:
         together = element(
@@ -180,7 +180,7 @@ def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Htm
     return element("li", fold, class_="group")
 
 
-def _told(group: ScenarioGroup) -> str:
+def _count_text(group: ScenarioGroup) -> str:
     return group.gate_text if group.is_part else group.passed
 
 

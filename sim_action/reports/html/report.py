@@ -94,7 +94,6 @@ def _packed(article: Html) -> bytes:
 
 
 def _lines(parts: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield parts with a line break between two of them."""
     for number, part in enumerate(parts):
         yield b"\n%b" % part if number else part
 

@@ -142,7 +142,7 @@ def _not_numbers(
     if text is None:
         return
     shown = text if len(text) <= _MAX_SHOWN_CHARS else f"{text[:_MAX_SHOWN_CHARS]}..."
-    message = f'<{element.tag} {name}="{shown}">: expected {_wanted(text, count)}'
+    message = f'<{element.tag} {name}="{shown}">: expected {_required_form(text, count)}'
     if is_expression(text):
         message += "; this is a xacro expression: expand the file, or use the .xacro file as the model"
     if is_expression(text) and not required:
@@ -162,7 +162,7 @@ def _due(tag: str, name: str, value: float) -> str | None:
     return "of 0 or more" if name in _NOT_NEGATIVE.get(tag, ()) and value < 0 else None
 
 
-def _wanted(text: str, count: int) -> str:
+def _required_form(text: str, count: int) -> str:
     """Return the required form of a value, and the first difference from it."""
     if count == 1:
         return f"a finite number of at most {MAX_NUMBER:g}" if _is_large(text) else "a finite number"
@@ -434,6 +434,5 @@ def _note_tag(notes: Notes, tag: Element, kind: str) -> None:
 
 
 def _parent(part: Unread) -> str:
-    """Return the tag of the element around a part."""
     parent, _, tag = part.place.rpartition("/")
     return parent if parent == "gazebo" else tag

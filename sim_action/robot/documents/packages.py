@@ -141,7 +141,7 @@ class Packages:
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
     _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
     _names: PackageNames = field(default_factory=PackageNames, init=False, repr=False, compare=False)
-    _known: dict[tuple[str, str, Path], Found | None] = field(
+    _cached: dict[tuple[str, str, Path], Found | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     _ordered: dict[tuple[str, Path], list[Path]] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -150,7 +150,7 @@ class Packages:
         """Yield each name in `robot.packages` that leads to no folder, and the problem."""
         for name in self.mapped:
             try:
-                self._given(name) or self._mapped(name)
+                self._of_workspace(name) or self._mapped(name)
             except PackageError as error:
                 yield name, str(error)
 
@@ -219,7 +219,7 @@ class Packages:
             yield replace(folder, path=folder.path / stated.path)
         for folder in tried:
             yield from self._respelled(folder, stated.path)
-        is_chosen = self._given(stated.name) or stated.name in self.mapped
+        is_chosen = self._of_workspace(stated.name) or stated.name in self.mapped
         if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
             yield from self._shortened(stated, referrer, self._declared(stated.scheme, stated.name, referrer))
 
@@ -245,9 +245,9 @@ class Packages:
             yield from self._folders(stated, referrer)
 
     def _declared(self, scheme: str, name: str, referrer: Path) -> Found | None:
-        if (scheme, name, referrer) not in self._known:
-            self._known[scheme, name, referrer] = (self._model if scheme == "model" else self._package)(name, referrer)
-        return self._known[scheme, name, referrer]
+        if (scheme, name, referrer) not in self._cached:
+            self._cached[scheme, name, referrer] = (self._model if scheme == "model" else self._package)(name, referrer)
+        return self._cached[scheme, name, referrer]
 
     def _folders(self, stated: Reference, referrer: Path) -> Iterator[Found]:
         """Yield the folders with the name of a package that has no package.xml."""
@@ -371,15 +371,15 @@ class Packages:
         return resolved
 
     def _package(self, name: str, referrer: Path) -> Found | None:
-        package = self._given(name) or self._mapped(name)
+        package = self._of_workspace(name) or self._mapped(name)
         package = package or self._own(name, referrer) or _nearest(self._inside.packages.get(name), referrer)
         return package or _of(self._environment_folders.package(name))
 
     def _model(self, name: str, referrer: Path) -> Found | None:
-        model = self._given(name) or self._mapped(name) or _nearest(self._inside.models.get(name), referrer)
+        model = self._of_workspace(name) or self._mapped(name) or _nearest(self._inside.models.get(name), referrer)
         return model or _of(self._environment_folders.model(name)) or self._package(name, referrer)
 
-    def _given(self, name: str) -> Found | None:
+    def _of_workspace(self, name: str) -> Found | None:
         return _of(next((Path(folder) for package, folder in self.workspace.packages if package == name), None))
 
     def _mapped(self, name: str) -> Found | None:

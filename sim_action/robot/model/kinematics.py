@@ -346,7 +346,7 @@ class LinkStates(Mapping[str, LinkState]):
         if states is None:
             states = self._known = {self.model.root: LinkState(*self._base)}
         state = states.get(name)
-        return self._found(name, states) if state is None else state
+        return self._computed(name, states) if state is None else state
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.model.links_by_name)
@@ -361,7 +361,7 @@ class LinkStates(Mapping[str, LinkState]):
         # A copy has the poses, and does not carry the model.
         return ByName, (dict(self),)
 
-    def _found(self, name: str, states: dict[str, LinkState]) -> LinkState:
+    def _computed(self, name: str, states: dict[str, LinkState]) -> LinkState:
         chain = [name]
         while chain[-1] not in states:
             joints = self.model.joints_to.get(chain[-1])

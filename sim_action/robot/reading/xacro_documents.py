@@ -123,7 +123,7 @@ class _Builder(ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: list[str]) -> None:
         super().start_element_handler(name, attributes)
-        place = self._here()
+        place = self._place()
         self.curNode.setUserData(_KEY, place, self._documents)
         self._depth += 1
         if self._depth > _MAX_DEPTH:
@@ -134,9 +134,9 @@ class _Builder(ExpatBuilderNS):
         self._depth -= 1
 
     def start_doctype_decl_handler(self, *_: object) -> None:
-        raise XacroError("bad-xml", "a DOCTYPE is not allowed in a model", self._here())
+        raise XacroError("bad-xml", "a DOCTYPE is not allowed in a model", self._place())
 
-    def _here(self) -> Location:
+    def _place(self) -> Location:
         return Location(str(self._path), self.getParser().CurrentLineNumber)
 
 

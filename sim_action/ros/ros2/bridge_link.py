@@ -168,7 +168,6 @@ def _packed(value: Any, blob: bytearray) -> Any:
 
 
 def _unpacked(value: Any, blob: memoryview) -> Any:
-    """Return plain data with the arrays of a blob."""
     if isinstance(value, dict) and "$array" not in value:
         return {key: _unpacked(entry, blob) for key, entry in value.items()}
     return [_unpacked(entry, blob) for entry in value] if isinstance(value, list) else array_in(value, blob)

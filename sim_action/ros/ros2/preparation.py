@@ -129,7 +129,6 @@ def _source(name: str, folder: Path) -> Source:
 
 
 def _message_files(folder: Path) -> list[Path]:
-    """Return the files of messages, services and actions of a package, without its tests."""
     paths = (path for kind in ("msg", "srv", "action") for path in folder.rglob(f"{kind}/*.{kind}"))
     return sorted(path for path in paths if not path.relative_to(folder).parts[0].startswith("test"))
 
@@ -159,7 +158,7 @@ def _lacking(sources: Mapping[str, Source], prefixes: Iterable[Path]) -> dict[st
     return lacks
 
 
-def _wanted(sources: Mapping[str, Source], names: Collection[str] | None) -> list[Source]:
+def _packages_to_build(sources: Mapping[str, Source], names: Collection[str] | None) -> list[Source]:
     """Return the packages to build, with their needs: those in `names`; None: with messages, or needed in Python."""
     first = [source for source in sources.values() if source.has_messages or not source.is_built]
     selected = {source.name for source in first} if names is None else {*names} & sources.keys()
@@ -212,7 +211,7 @@ def prepare(
     if messages := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
         raise UsageError("; ".join(messages[:5]))
     install, lacks = workspace / INSTALL, _lacking(sources, ros.prefixes)
-    selected = _wanted(sources, names)
+    selected = _packages_to_build(sources, names)
     built = [source.name for source in selected if source.name not in lacks]
     for name in built:
         if (install / name).exists() and not (install / name / _STAMP).is_file():

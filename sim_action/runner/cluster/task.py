@@ -203,7 +203,7 @@ def run_task(
     return tuple(replace(result, outcome=task.as_of_caller(result.outcome, copies)) for result in results)
 
 
-def _prepare(scenarios: Sequence[LoadedScenario], _here: str, _folder: Path, _turn: int, output: Output) -> None:
+def _prepare(scenarios: Sequence[LoadedScenario], _cwd: str, _folder: Path, _turn: int, output: Output) -> None:
     """Prepare the warm process for its forks. Raises OSError, ImportError, MemoryError."""
     if output.repeat == 1 and not any(loaded.scenario.runs_user_code for loaded in scenarios):
         warm_up(scenarios, output.formats, replays=output.replays)

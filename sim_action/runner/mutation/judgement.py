@@ -103,7 +103,6 @@ def _reason_of(outcome: Outcome) -> str:
 
 
 def _place_of(outcome: Outcome) -> Location | None:
-    """Return the place of the reason why a run did not pass; None if there is none."""
     places = (*(failure.location for failure in outcome.failures), *(expected.location for expected in outcome.causes))
     return next((place for place in places if place is not None), outcome.location)
 

@@ -226,7 +226,6 @@ def busy_joints(original: Original) -> list[str]:
 
 
 def _wheels(original: Original) -> frozenset[str]:
-    """Return the joints of the drive."""
     loaded = original.loaded
     drive = loaded.scenario.robot.drive or (recognise(loaded.model) if loaded.model else None)
     return drive.open(loaded.model, loaded.scenario.physics.rate).joints if drive and loaded.model else frozenset()

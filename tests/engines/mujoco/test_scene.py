@@ -33,9 +33,9 @@ def forgotten() -> Iterator[None]:
     """Compiles every scene anew, and forgets those of the context."""
     from sim_action.engines.mujoco.scene import _Last
 
-    before, _Last._known = _Last._known, None
+    before, _Last._cached = _Last._cached, None
     yield
-    _Last._known = before
+    _Last._cached = before
 
 
 def motion(scene: Scene) -> bytes:

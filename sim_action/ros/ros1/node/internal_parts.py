@@ -64,7 +64,7 @@ class WorldStatesSensor(Sensor):
     _wants_links: Callable[[], bool] = PrivateAttr()
 
     @classmethod
-    def wanted(cls, wants_links: Callable[[], bool]) -> WorldStatesSensor:
+    def on_demand(cls, wants_links: Callable[[], bool]) -> WorldStatesSensor:
         """Return a sensor that reads links only when they are wanted: it takes as long as all the rest."""
         sensor = cls()
         sensor._wants_links = wants_links
@@ -93,7 +93,7 @@ class WorldStatesSensor(Sensor):
 
 def states_sensor(rate: float, wants_links: Callable[[], bool]) -> MountedSensor:
     """Return the mounted sensor that `states_in` reads."""
-    return MountedSensor(WorldStatesSensor.wanted(wants_links), _NAME, None, Pose(), rate, trace=False)
+    return MountedSensor(WorldStatesSensor.on_demand(wants_links), _NAME, None, Pose(), rate, trace=False)
 
 
 def states_in(seen: Observation) -> WorldStates:

@@ -365,7 +365,6 @@ def _done(change: Callable[..., None], *arguments: str) -> tuple[()]:
 
 
 def _short(name: str) -> str:
-    """Return the name of a link or joint without that of its model."""
     return name.rpartition("::")[2]
 
 

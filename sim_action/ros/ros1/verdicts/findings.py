@@ -82,7 +82,7 @@ def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator
     seen.add(path)
     for tag in _own_tags(path):
         yield tag
-        if tag.name == "include" and (file := _found(tag.attributes.get("file", ""), packages)) is not None:
+        if tag.name == "include" and (file := _included_file(tag.attributes.get("file", ""), packages)) is not None:
             yield from _tags(file, packages, seen)
 
 
@@ -102,7 +102,7 @@ def _own_tags(path: Path) -> list[LaunchTag]:
     return tags
 
 
-def _found(stated: str, packages: Mapping[str, Path]) -> Path | None:
+def _included_file(stated: str, packages: Mapping[str, Path]) -> Path | None:
     names = _FIND.findall(stated)
     if any(name not in packages for name in names):
         return None
