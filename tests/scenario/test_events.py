@@ -261,6 +261,16 @@ def test_what_a_stopped_source_commanded_ends(tmp_path: Path, engine: str, sourc
     assert last == pytest.approx(0.0 if stays else before, abs=0.03)
 
 
+def test_late_commands_of_a_stopped_source_do_not_arrive_when_it_starts_again(tmp_path: Path) -> None:
+    twist = {"twist": [{"linear": 0.3, "for": 0.8}, {"linear": 0.2}], "rate": 10, "latency": 0.2}
+    does = {0.1: "start", 1.0: "stop", 2.0: "start"}
+    events = [{"when": {"at": at}, "do": [{do: "twist"}]} for at, do in does.items()]
+    keys: dict[str, Any] = {"expect": ["upright"], "trace": {"rate": 240}, "duration": 2.4, "time_limit": 2.4}
+    seen = run(tmp_path, commands=[twist], events=events, **keys).trace
+    speeds = seen.speed[np.searchsorted(seen.time, (0.9, 1.9, 2.18, 2.35))]
+    assert (speeds > 0.1).tolist() == [True, False, False, True]
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_force_of_a_stopped_source_ends(tmp_path: Path, engine: str) -> None:
     lifts = {"name": "lifts", "wrench": {"link": "base_footprint", "force": [0, 0, 20], "point": [-0.03, 0, 0.07]}}

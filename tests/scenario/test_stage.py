@@ -95,6 +95,7 @@ def test_motions_that_cannot_be(points: str, problem: str, tmp_path: Path) -> No
             "'surface_velocity' is of an object that is fixed from the start; remove 'mass'",
         ),
         ("surface_velocity: {angular: 1}, appears: 1 s", "remove 'appears'"),
+        ("surface_velocity: {angular: 1}, disappears: 1 s", "remove 'disappears'"),
         ("surface_velocity: {angular: 1}, path: [{at: 0, x: 0}, {at: 1, x: 1}]", "remove 'path'"),
     ],
 )
