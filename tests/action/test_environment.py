@@ -323,11 +323,13 @@ def test_a_failed_installation_leaves_nothing(packages: list[Entry], job: Job, m
     assert not list(job.temp.iterdir())
 
 
-def test_broken_markers_are_passed_over(packages: list[Entry], job: Job) -> None:
+def test_broken_markers_and_missing_interpreters_are_passed_over(packages: list[Entry], job: Job) -> None:
     for number, content in enumerate([b"\xff", b"no package", b""]):
         folder = job.temp / f"sim-action-{number}"
         folder.mkdir()
         (folder / "requirements.lock").write_bytes(content)
+    assert not planned(packages, job.temp, job.variables).ready
+    environment._python(made(packages, job.temp, job.variables)).unlink()
     assert not planned(packages, job.temp, job.variables).ready
 
 
