@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.state.golden_trajectory import Golden, GoldenError, GoldenForm, interpolated, wrapped
+from sim_action.state.golden_trajectory import Golden, GoldenError, GoldenForm, interpolated, is_golden, wrapped
 from sim_action.state.trace import Trace
 from tests.traces import WHEELS, trace
 
@@ -88,6 +88,7 @@ def test_what_was_written_is_read_again(tmp_path: Path) -> None:
     # Also with line ends of Windows and its mark of UTF-8.
     (tmp_path / "x.csv").write_bytes(b"\xef\xbb\xbf" + golden.text().replace("\n", "\r\n").encode())
     np.testing.assert_array_equal(Golden.read(tmp_path / "x.csv", FORM).rows, golden.rows)
+    assert is_golden((tmp_path / "x.csv").read_bytes())
 
 
 HEAD = "# sim-action golden trajectory 1: burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
