@@ -178,6 +178,14 @@ def test_losses_of_margin() -> None:
     _, gate = only(compared(twofold(with_margins([0.4] * 30)), twofold(with_margins([0.1] * 30))))
     assert [loss.expectation for loss in gate.margins] == ["clearance", "upright"]
     assert [loss.confidence for loss in gate.margins] == pytest.approx([0.975, 0.975])
+    # An expectation with another name in some draws goes by its assertion, and a margin below 0 is none to lose.
+    other, *same = with_margins([0.1] * 30)
+    (expected,) = other.expectations
+    other = other.model_copy(update={"expectations": (expected.model_copy(update={"name": "far"}),)})
+    _, gate = only(compared(with_margins([0.4] * 30), [other, *same]))
+    assert [loss.expectation for loss in gate.margins] == [expected.assertion]
+    _, gate = only(compared(with_margins([-0.1] * 30), with_margins([-0.4] * 30)))
+    assert gate.margins == ()
 
 
 @pytest.mark.parametrize("scale", [1e110, 1e307])
