@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim_action.scenario.stage import DEPTH
@@ -89,6 +89,7 @@ def test_what_is_no_pressure() -> None:
 
 
 @given(st.integers(1, 239), st.integers(12, 60), st.floats(0.5, 3.0).filter(lambda share: abs(share - 1) > 0.01))
+@example(106, 60, 1.6)  # the wall was touched in the first block alone when the press is noted
 def test_blocks_of_steps_do_not_matter(cut: int, lasts: int, share: float) -> None:
     steps = range(100, 100 + lasts)
     # The robot may lose and regain its contact with the wall.
