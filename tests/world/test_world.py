@@ -52,6 +52,8 @@ REFUSED = [
         *(world.Body, GATE),
         ({"path": ({"at": 0},)}, "two points"),
         ({"loop": True}, "'loop' needs a 'path'"),
+        ({"pace": ({"at": 1, "speed": 0},)}, "'pace' needs a 'path'"),
+        ({"path": WAY, "pace": ({"at": 1, "speed": 0}, {"at": 1, "speed": 1})}, "in the order of time"),
         ({"path": WAY, "mass": 1}, "remove 'mass'"),
         ({"path": WAY, "appears": 1}, "exists from the start"),
         ({"path": WAY, "loop": True}, "must end where it starts"),
