@@ -226,6 +226,7 @@ def test_a_scheduler_that_cannot_be_reached_is_refused(
     printed = capsys.readouterr().err
     assert cause in printed
     assert "Traceback" not in printed
+    assert threading.active_count() == 1
 
 
 def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
