@@ -53,7 +53,7 @@ class Assertion(FrozenModel):
     """True if the monitor runs user code. Such a scenario gets an interpreter of its own."""
 
     measured_unit: ClassVar[str | None] = None
-    """The unit of what it measures, an SI symbol; None if the scenario or the run decides it."""
+    """The SI symbol of the measured unit; None if the scenario or the run decides it."""
 
     ceilings: ClassVar[tuple[Ceiling, ...]] = ()  # the greatest values that its limits can have in any run
     sees_shapes: ClassVar[bool] = False
@@ -127,7 +127,7 @@ class Assertion(FrozenModel):
         """Open the monitor. `start` is the settled state at t = 0."""
 
     def started(self, scene: Scene, start: Observation) -> Monitor:
-        """Open the monitor, also that of an installed package that does not derive from Monitor."""
+        """Open the monitor; adapt one of an installed package that does not derive from Monitor."""
         return AdaptedMonitor.of(self.monitor(scene, start))
 
     def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
@@ -210,7 +210,7 @@ class Assertion(FrozenModel):
         yield from self.limits_beyond(setting)
 
     def limits_beyond(self, setting: Setting, *, of_base: bool = True) -> Findings:
-        """Yield the limits that no run exceeds; without `of_base`, only those that hold for any link or body."""
+        """Yield the limits that no run exceeds; without `of_base`, only limits that hold for any link or body."""
         for ceiling in self.ceilings:
             if (of_base or not ceiling.is_of_base) and (finding := ceiling.finding(self, setting)) is not None:
                 yield finding

@@ -36,7 +36,7 @@ class Clearance(Assertion):
 
     It is the least distance in space between collision shapes at every physics step; shapes that overlap have a
     negative distance. The ground counts only if `to` names it. PyBullet rounds the edges of boxes by 1 mm, so its
-    distances to edges are up to 0.7 mm greater than those of MuJoCo.
+    distances to edges are up to 0.7 mm greater than in MuJoCo.
     """
 
     key: ClassVar[str] = "clearance"

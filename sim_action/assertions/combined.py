@@ -190,7 +190,7 @@ class Joined(Several):
         return self._combination(tuple(part.opened(scene, start) for part in self.parts))
 
     def as_formula(self, scene: Scene) -> Formula:
-        """Return the assertion as a formula made of those of its parts."""
+        """Return the assertion as a formula made of its parts' formulas."""
         parts = tuple(formula_of(part, scene) for part in self.parts)
         return parts[0] if len(parts) == 1 else And(parts) if self.every else Or(parts)
 
@@ -226,7 +226,7 @@ class AnyOf(Joined):
 
     It is a goal if one of its parts is a goal: the run waits until a goal comes true. If none does, a part that is not
     broken at the end of the run holds. Otherwise it is an invariant that breaks with its last part. Margin, limit and
-    time are those of the deciding part, which the message names: of the parts that hold (or of all), the one with the
+    time come from the deciding part, which the message names: of the parts that hold (or of all), the one with the
     greatest margin if their units are equal, else the first. `after`, `before`, `name` and `severity` are written next
     to `any_of`.
     """
@@ -293,8 +293,8 @@ class Negation(Combined):
 
     The negation of a goal is an invariant: `not: {reach: ...}` keeps the robot away and breaks when the goal comes
     true. The negation of an invariant is a goal: `not: no_collision` asks for a collision and comes true when the
-    invariant breaks. An assertion that is both goal and invariant is judged at the end of the run. The margin is that
-    of the inner assertion with the opposite sign. For a count of contacts, the limit is the other count, 0 or 1.
+    invariant breaks. An assertion that is both goal and invariant is judged at the end of the run. The margin is the
+    inner assertion's with the opposite sign. For a count of contacts, the limit is the other count, 0 or 1.
     """
 
     key: ClassVar[str] = "not"
@@ -335,7 +335,7 @@ class Negation(Combined):
         yield from (leaf for leaf in self.part.leaves() if all(leaf is not other for other in twice))
 
     def as_formula(self, scene: Scene) -> Formula:
-        """Return the assertion as a formula made of those of its parts."""
+        """Return the assertion as the negated formula of its part."""
         return Not(formula_of(self.part, scene))
 
     @property

@@ -339,7 +339,8 @@ class TouchMonitor(Monitor):
             return touches
         time, force = self.mean.observe(trace, meant)[1]
         force = force[np.searchsorted(time, touches.time - self.step / 2)]
-        gentle, strong = self._is_gentle(force), self._is_strong(force)
+        gentle = self._is_gentle(force)
+        strong = self._is_strong(force)
         if self.spec.has_most:
             blind = times_of(contact for contact in meant if not contact.has_force)
             gentle &= ~contacts.touching_at(trace, blind, self.step).holds

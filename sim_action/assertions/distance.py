@@ -60,7 +60,7 @@ class LengthBounds(MotionAssertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        """Yield a limit that the base does not exceed in the time limit; beside a goal, it is a safety net."""
+        """Yield a limit that the base does not exceed in the time limit. With a goal, `at_most` is a safety net."""
         yield from super().run_claims(run)
         part_failed = run.is_part and not run.verdict.passed
         key, limit = ("at_least", self.at_least) if part_failed else ("at_most", self.at_most)

@@ -128,7 +128,8 @@ class Effort(Assertion):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         monitors: list[Monitor] = []
         for joint in chosen(scene.model, self.joints):
-            dimension, effort = joint.dimension("effort"), reading_of(joint, "effort")
+            dimension = joint.dimension("effort")
+            effort = reading_of(joint, "effort")
             limits = {key: units.parse(written, dimension) for key, written in self._limits().items()}
             who = f"{joint.name} exerted"
             if (at_most := limits.get("at_most")) is not None:

@@ -146,7 +146,8 @@ class FollowPath(MotionAssertion):
         judged = run.verdict.judged
         if self.end is not None or run.verdict.status != "passed" or judged is None or judged.first is None:
             return
-        watched, path = self.watched(run.scene), ReferencePath(self._points(run.scene))
+        watched = self.watched(run.scene)
+        path = ReferencePath(self._points(run.scene))
         error = min(limit for limit in (self.max_error, self.rms) if limit is not None)
         if error >= path.length:
             message = f"an error of {units.display(error, 'm')} is allowed, and the path is {path.length:.4g} m long"
@@ -330,8 +331,8 @@ class ReferencePath:
 def smoothed(points: Sequence[Point]) -> list[Point]:
     """Return a polyline along a centripetal Catmull-Rom curve through the points.
 
-    E. Catmull and R. Rom, A Class of Local Interpolating Splines, 1974. The parametrisation is that of C. Yuksel, S.
-    Schaefer and J. Keyser, Parameterization and Applications of Catmull-Rom Curves, 2011: without loops and cusps.
+    E. Catmull and R. Rom, A Class of Local Interpolating Splines, 1974. The parametrisation avoids loops and cusps: C.
+    Yuksel, S. Schaefer and J. Keyser, Parameterization and Applications of Catmull-Rom Curves, 2011.
     """
     if len(points) < 3:
         return list(points)

@@ -114,7 +114,7 @@ class _Sample:
         return _Sample(self.time[mask], self.force[mask], self.place[mask])
 
     def followed_by(self, later: _Sample) -> _Sample:
-        """Return these moments, as far as they are before `later`, and those of `later`."""
+        """Return the moments before `later` starts, and then all moments of `later`."""
         before = self.rows(self.time < later.time[0] - TIME_EPSILON_S)
         pairs = ((before.time, later.time), (before.force, later.force), (before.place, later.place))
         return _Sample(*(np.concatenate(pair) for pair in pairs))

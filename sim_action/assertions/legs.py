@@ -53,7 +53,8 @@ class Feet(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown links and bodies, a fixed base, and a world without gravity."""
         yield from link_name_problems(scene.model, "links", self.links)
-        bodies, hinted = [GROUND, *scene.world.names], FirstFew()
+        bodies = [GROUND, *scene.world.names]
+        hinted = FirstFew()
         for index, name in enumerate(self.on or ()):
             if name not in bodies:
                 hint = did_you_mean(name, bodies) if hinted.one_more() else ""

@@ -25,7 +25,7 @@ from sim_action.world.scene import Scene
 
 
 class MaxSpeed(MotionAssertion):
-    """The speed of the base link's origin, or of that of `link`, never exceeds `linear`; its turn rate never `angular`.
+    """The speed of the origin of the base link, or of `link`, never exceeds `linear`; its turn rate never `angular`.
 
     Speeds are relative to `frame`. A base or link that moves further in one physics step than its velocity explains,
     for example because a script set its pose, has jumped: its speed is then the length of the jump over the time of the

@@ -239,7 +239,7 @@ class ObjectAssertion(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class ObjectMonitor(Monitor):
-    """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object."""
+    """The monitor of the motion of an object. It judges a trace whose base has the motion of the object."""
 
     spec: ObjectAssertion
     scene: Scene
@@ -288,7 +288,8 @@ class ObjectMonitor(Monitor):
         seen = self._seen(trace)
         if not len(seen):
             return replace(self, end=end, recent=self._recent(trace))
-        monitor, steps = self._opened(seen).observe(seen), self.steps.followed_by(seen.time)
+        monitor = self._opened(seen).observe(seen)
+        steps = self.steps.followed_by(seen.time)
         return replace(self, end=end, monitor=monitor, steps=steps, recent=self._recent(trace))
 
     def truth(self, trace: Trace) -> Truth:
@@ -379,7 +380,8 @@ def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     before, after = rows[:-1], rows[1:]
     elapsed = after[:, :1] - before[:, :1]
     factor = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=elapsed > 0)
-    orientation, back = tuple(after[:, 4:8].T), geometry.conjugate(tuple(before[:, 4:8].T))
+    orientation = tuple(after[:, 4:8].T)
+    back = geometry.conjugate(tuple(before[:, 4:8].T))
     turn = np.column_stack(geometry.multiply(orientation, back))
     # A quaternion and its negative are the same orientation.
     turn = np.where(turn[:, 3:] < 0, -turn, turn)

@@ -102,7 +102,7 @@ class OdometryError(Assertion):
 
     @override
     def run_claims(self, run: JudgedRun) -> Findings:
-        """Yield an error of the position that is longer than the true way and that of the wheels together."""
+        """Yield an error of the position that is longer than the true way plus the way of the wheels."""
         if self.position is not None and run.verdict.passed:
             yield from run.beyond_drive(self.position / 2, "give a smaller limit", ("position",))
 
@@ -153,7 +153,8 @@ class OdometryMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. The curves have the rate of the sensor."""
-        record, truths = trace.sensors.get(self.sensor), self._truths(trace)
+        record = trace.sensors.get(self.sensor)
+        truths = self._truths(trace)
         if record is None or not len(record):
             return ()
         errors = _errors(record, truths, self._ways(truths))

@@ -318,7 +318,8 @@ class FinalPose(PoseTarget):
 
     def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See MotionAssertion.marks_in. Returns the place, or a line if only x or y is given."""
-        origin, angle = self._origin(watched.name, start), self._angle(watched.name, start)
+        origin = self._origin(watched.name, start)
+        angle = self._angle(watched.name, start)
         begin_x, begin_y, _ = start.pose.position_xyz
         if self.x is None or self.y is None:
             axes = {} if self.relative else {"x": self.x, "y": self.y}
@@ -350,7 +351,8 @@ class FinalPoseMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if not len(trace):
             return self
-        distance, angle_error = self._distance(trace), self._angle_error(trace)
+        distance = self._distance(trace)
+        angle_error = self._angle_error(trace)
         return replace(
             self,
             nearest=self.nearest.observe(trace.time, distance, angle_error),

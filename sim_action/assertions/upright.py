@@ -20,7 +20,7 @@ from sim_action.world.scene import Scene
 
 
 class Upright(MotionAssertion):
-    """The angle between the z axis of the base link, or of `link`, and that of `frame` never exceeds `max_tilt`."""
+    """The angle between the z axes of `frame` and the base link, or `link`, never exceeds `max_tilt`."""
 
     key: ClassVar[str] = "upright"
     reference: ClassVar[Reference] = Reference(

@@ -162,7 +162,9 @@ def sampled_triangles(data: bytes, most: int) -> tuple[int, NDArray[np.float32]]
 
 
 def _read_ascii(data: bytes) -> Mesh:
-    corners, ends, at = array("d"), [0], 0
+    corners = array("d")
+    ends = [0]
+    at = 0
     while not _NOTHING.match(data, at):
         at = _read_solid(data, at, corners)
         ends.append(len(corners) // 9)

@@ -4,7 +4,7 @@ The unit of the file is applied but `up_axis` is ignored, as in RViz, MoveIt and
 becomes a part of its own, where PyBullet takes one hull of all.
 
 The colour of a mesh file is the diffuse colour of the material with the most faces. A material with a picture has none
-of its own. A material file is opened only beside its mesh, and no link is followed.
+of its own. A material file is opened only in the folder of its mesh, without following links.
 """
 
 from __future__ import annotations
@@ -309,7 +309,9 @@ _MAX_INPUTS: Final = 64  # limit of inputs of a surface, such as texture coordin
 
 def read_geometry(document: Document, geometry: Element) -> Surface:
     """Return all surfaces of a geometry as one. Raises MeshError."""
-    points, triangles, above = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    points = [np.zeros((0, 3))]
+    triangles = [np.zeros((0, 3), np.int64)]
+    above = 0
     for element in geometry.iterfind("mesh/*"):
         if element.tag in _SURFACES:
             vertices, rows = _surface(document, element)

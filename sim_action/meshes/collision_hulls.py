@@ -242,7 +242,8 @@ def write_clean_mesh(entry: Entry, mesh: Mesh, facts: MeshFacts, scale: Vector3,
             "bad-shape", f"extends beyond {_MAX_COORDINATE_M:g} m; URDF is in metres: is the file in millimetres?"
         )
     hulls = hulls_of(mesh, scale, margin)
-    pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
+    pieces = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"]
+    above = 0
     for number, points in enumerate(hulls):
         pieces.append(f"o hull_{number}\n{hull_lines(points, above)}".encode())
         above += len(points)

@@ -161,8 +161,9 @@ def _cells_along_axis(points: int) -> int:
 
 
 def _by_cell(columns: FloatArray, count: int) -> tuple[IntArray, IntArray]:
-    """Return an order of points (3, N) in which those of a cell are neighbours, and the start of each cell."""
-    lower, extents = columns.min(axis=1, keepdims=True), np.ptp(columns, axis=1, keepdims=True)
+    """Return an order of points (3, N) in which the points of a cell are neighbours, and the start of each cell."""
+    lower = columns.min(axis=1, keepdims=True)
+    extents = np.ptp(columns, axis=1, keepdims=True)
     steps = ((columns - lower) * (0.999999 * count / np.where(extents > 0, extents, 1.0))).astype(np.uint16)
     cells = (steps[0] * np.uint16(count) + steps[1]) * np.uint16(count) + steps[2]
     # A stable sort of whole numbers of 16 bits takes linear time.

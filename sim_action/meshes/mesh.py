@@ -48,7 +48,7 @@ class Mesh:
 
 
 def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.int64] | slice]) -> Mesh:
-    """Return the mesh of points and triangles, without those that have no area. Raises MeshError.
+    """Return the mesh of points and triangles, without triangles that have no area. Raises MeshError.
 
     :param points_xyz: (N, 3) of 32 or 64 bits; equal ones become one.
     :param parts: rows of the points (T, 3); or a slice of triangles, if each triangle has three rows of its own.

@@ -71,7 +71,7 @@ class Sensor(FrozenModel):
     """True for sensors of installed packages. A scenario with one gets an interpreter of its own."""
 
     columns: ClassVar[Mapping[str, ReadingColumn]] = {}
-    """The columns of the readings of a sensor of an installed package; those of sim-action are in READING_COLUMNS."""
+    """The columns of the readings, for sensors of installed packages; READING_COLUMNS has the built-in sensors."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: object) -> None:
@@ -165,7 +165,7 @@ class MountedSensor:
 
 _PICTURE_RATE: Final = 2.0
 _MAX_BYTES: Final = 32_000_000
-_SMALL_READING_BYTES: Final = 500  # the size of a reading without arrays, for example that of an IMU
+_SMALL_READING_BYTES: Final = 500  # the size of a reading without arrays, for example of an IMU
 
 
 @dataclass(slots=True)
@@ -184,7 +184,7 @@ class ReadingLog:
         return cls(mounted, max(1, math.ceil(mounted.rate / most - 1e-9)))
 
     def add(self, reading: Reading) -> None:
-        """Add the next reading, unless it is one of those that are left out."""
+        """Add the next reading, unless it is one to leave out."""
         if self._seen % self.every == 0:
             self.readings.append(reading)
             if len(self.readings) * max(_SMALL_READING_BYTES, self.mounted.sensor.reading_bytes) > _MAX_BYTES:

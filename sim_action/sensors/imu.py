@@ -47,7 +47,8 @@ class Imu(Sensor):
         def measure(sight: Sight) -> ImuReading:
             nonlocal before
             now = _State(mount, sight)
-            turning, felt = now.turning(), now.specific_force(before or now, mount.scene.world.gravity_xyz)
+            turning = now.turning()
+            felt = now.specific_force(before or now, mount.scene.world.gravity_xyz)
             before = now
             return ImuReading(
                 sight.time,
@@ -63,7 +64,8 @@ class _State:
     """Pose and velocity of the sensor at a moment, world frame."""
 
     def __init__(self, mount: Mount, sight: Sight) -> None:
-        link, twist = sight.probe.link_pose(mount.link), sight.probe.link_twist(mount.link)
+        link = sight.probe.link_pose(mount.link)
+        twist = sight.probe.link_twist(mount.link)
         arm = geometry.rotate(link.orientation_xyzw, mount.pose.position_xyz)
         self.pose: Pose = geometry.compose(link, mount.pose)
         self.angular_xyz = twist.angular_xyz

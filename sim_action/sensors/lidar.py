@@ -25,7 +25,7 @@ _ROUNDING: Final = 1e-9
 class Lidar(Sensor):
     """Measures the distances to surrounding surfaces in one plane.
 
-    The plane is that of the sensor's x and y axes. Rays are numbered counter-clockwise, with the x axis in the centre
+    The plane contains the sensor's x and y axes. Rays are numbered counter-clockwise, with the x axis in the centre
     of the field of view: of 360 rays, number 180 points ahead; with `angle_min: 0` it is number 0. Rays meet bodies of
     the world and the ground, never the robot or a body that contains the sensor.
 

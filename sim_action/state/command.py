@@ -41,8 +41,8 @@ NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_t
 class LinkWrench:
     """A force and a torque on a link, applied at every physics step until the source commands this link again.
 
-    Several wrenches on one link in the same answer add up, and so do those of several command sources. An answer that
-    names a link replaces the earlier wrenches of its source on this link; one of zeros ends them.
+    Wrenches on one link add up, in one answer and over several command sources. An answer that names a link replaces
+    the earlier wrenches of its source on this link; a wrench of zeros ends them.
 
     Attributes:
         link: name of a link that can move.
@@ -97,13 +97,13 @@ class JointTargets:
 
     @property
     def kinds(self) -> dict[str, str]:
-        """Joint -> "position", "velocity" or "effort": what is commanded of it."""
+        """Joint -> the commanded quantity: "position", "velocity" or "effort"."""
         moving = (name for motion in self.motions for name in motion.names)
         groups = {"velocity": self.velocity, "effort": self.effort, "position": (*self.position, *moving)}
         return {name: kind for kind, names in groups.items() for name in names}
 
     def updated_by(self, later: JointTargets) -> JointTargets:
-        """Return these targets, replaced by those of `later` for the joints that it names."""
+        """Return these targets; `later` replaces the targets of the joints that it names."""
         if not any(self.names()) and self.base is None and self.wrenches is None:
             return later
         renamed = set(later.names())
@@ -124,7 +124,7 @@ class JointTargets:
 
 
 def without_joints(motions: Iterable[JointMotion], joints: Collection[str]) -> tuple[JointMotion, ...]:
-    """Return what is left of motions without some joints."""
+    """Return motions without some joints, and drop motions that have no other joint."""
     left = (motion.only(name for name in motion.names if name not in joints) for motion in motions)
     return tuple(motion for motion in left if motion.names)
 

@@ -190,7 +190,8 @@ class JointMotion:
         accelerations: ArrayLike | None = None,
     ) -> Self:
         """Return the motion through (K, J) rows at times (K,) in s; see `Curve.through`. Raises ValueError."""
-        joints, at = tuple(names), _numbers(times)
+        joints = tuple(names)
+        at = _numbers(times)
         tables: list[Any] = [
             None if table is None else _numbers(table) for table in (positions, velocities, accelerations)
         ]
@@ -281,7 +282,8 @@ def _numbers(values: ArrayLike) -> FloatArray:
 
 def _slopes(times: FloatArray, values: FloatArray) -> FloatArray:
     """Return the velocities (K,) of the natural cubic spline, limited where it would overshoot a jump of the values."""
-    span, count = np.diff(times), len(times)
+    span = np.diff(times)
+    count = len(times)
     if count < 3:
         return np.zeros(count)
     mean = np.diff(values) / span

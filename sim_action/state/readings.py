@@ -266,7 +266,8 @@ class LidarScan:
 
 def shifted(reading: Reading, kind: str, offsets: Mapping[str, float | tuple[float, ...]]) -> Reading:
     """Return a reading with offsets added, within the limits of its sensor; ranges beyond them are infinite."""
-    values, columns = reading.columns(), columns_of(kind)
+    values = reading.columns()
+    columns = columns_of(kind)
     changed: dict[str, Any] = {}
     for name, offset in offsets.items():
         column, was = columns[name], np.asarray(values[name])

@@ -1,4 +1,4 @@
-"""The timeline of a run: marks of what acted on the robot or changed its surroundings, such as pushes and faults.
+"""The timeline of a run: marks of actions on the robot and of changes around it, such as pushes and faults.
 
 Each part that acts at a time yields its own marks: bodies, patches, disturbances, faults, command sources, and the
 transmission of commands and readings. Reports show all of them; the message of a failure names the nearest ones.
@@ -16,12 +16,12 @@ from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath, SpecProblems
 
 MAX_TIME_MARKS: Final = 200  # the number of marks that the results of a run keep, the first ones
-NOT_YET: Final = math.inf  # the time of what waits for an event that has not happened
+NOT_YET: Final = math.inf  # the time of a part that waits for an event that has not happened
 _MAX_NAMED: Final = 3  # the number of marks that a message names
 
 
 def waits(time: float | None) -> bool:
-    """Return True for the time of what waits for an event."""
+    """Return True for the time of a part that waits for an event."""
     return time == NOT_YET
 
 

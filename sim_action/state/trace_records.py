@@ -1,6 +1,6 @@
 """The records of a trace besides the robot's state: bodies, contacts, clearances, readings; and commanded twists.
 
-An assertion declares the channels that it needs. A run records those of all its assertions, and nothing else.
+An assertion declares the channels that it needs. A run records the channels of all its assertions, and nothing else.
 """
 
 from __future__ import annotations
@@ -91,7 +91,8 @@ class BodyRecord(_Table):
         absent = (self.time < first - TIME_EPSILON_S) | (self.time >= gone - TIME_EPSILON_S)
         if not absent.any():
             return self
-        position_xyz, orientation_xyzw = self.position_xyz.copy(), self.orientation_xyzw.copy()
+        position_xyz = self.position_xyz.copy()
+        orientation_xyzw = self.orientation_xyzw.copy()
         position_xyz[absent], orientation_xyzw[absent] = math.nan, math.nan
         return type(self)(self.time, position_xyz, orientation_xyzw)
 
@@ -189,7 +190,7 @@ class ClearanceRecord(_Table):
         )
 
     def valid(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return those of some times in s at which a body is there."""
+        """Select the times in s at which a body is there."""
         if self.presence == (ALWAYS,):
             return time
         spans = [(time >= first - TIME_EPSILON_S) & (time < gone - TIME_EPSILON_S) for first, gone in self.presence]

@@ -66,7 +66,8 @@ def load_trace(path: Path) -> Trace:
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}
             trace = Trace.of_columns(names, _touches("contact", Contact, stored), **columns)
-            sensors, clearances = _sensor_records(stored), _clearance_records(stored)
+            sensors = _sensor_records(stored)
+            clearances = _clearance_records(stored)
             bodies, objects = (_records(kind, BodyRecord, stored) for kind in ("body", "object"))
             _refuse_other_times(objects, trace)
             touches = _records("touching", ContactRecord, stored)
@@ -169,7 +170,7 @@ def _refuse_other_times(objects: Mapping[str, BodyRecord], trace: Trace) -> None
             raise ValueError(f"the object '{name}' has other times than the trace")
 
 
-# The array with the names of what the records of a kind are about.
+# Kind of record -> the array with the names of its bodies, objects or links.
 _NAMES: Final = {"body": "body_names", "object": "object_names", "touching": "touching_links"}
 
 
@@ -224,7 +225,7 @@ class MotionRecord:
     # joint name -> its positions (T,) in rad, or m if prismatic
     joints: Mapping[str, FloatArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)  # joint name -> "rad" or "m"
-    # links, bodies: name -> poses (T, 7) in the world frame, for those that are compared
+    # compared links, compared bodies: name -> poses (T, 7) in the world frame
     links: Mapping[str, FloatArray] = field(default_factory=dict)
     bodies: Mapping[str, FloatArray] = field(default_factory=dict)
     bolted: bool = False  # True if the base is fixed
@@ -277,7 +278,8 @@ class MotionRecord:
                 time = _column(stored["time"], stored["time"].size)
                 joints = _columns(stored, "joints", (len(time),))
                 links, bodies = (_columns(stored, group, (len(time), _POSE)) for group in ("links", "bodies"))
-                base, bolted = _column(stored["base"], len(time), _POSE), bool(stored["bolted"])
+                base = _column(stored["base"], len(time), _POSE)
+                bolted = bool(stored["bolted"])
                 units = dict(zip(joints, stored["units"].tolist(), strict=True))
                 return cls(time, base, joints, units, links, bodies, bolted)
         except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files

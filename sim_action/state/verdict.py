@@ -104,9 +104,9 @@ class Verdict:
         return replace(self, message=message, unit=unit, body=body, joint=joint)
 
     def counted(self, steps: Judged) -> Verdict:
-        """Return the verdict with the moments at which it was judged; `steps`: those of the run, the default.
+        """Return the verdict with the moments at which it was judged; `steps`: the moments of the run, the default.
 
-        This is the one place that decides what is not exercised: a verdict without a moment never passes.
+        This is the one place that decides which verdicts are not exercised: without a moment, none passes.
         """
         judged = steps if self.judged is None else self.judged
         return replace(self, judged=judged, passed=self.passed and judged.moments > 0)

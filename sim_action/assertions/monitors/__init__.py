@@ -83,7 +83,7 @@ class Monitor(Fold):
 
     @property
     def is_sampled(self) -> bool:
-        """True if its truth has moments between the steps: those of a sensor. The last one counts until the next."""
+        """True if its truth has moments between the steps, from a sensor. The last one counts until the next."""
         return False
 
     @property
@@ -124,7 +124,7 @@ def _states(monitor: Any, name: str) -> bool:
 
 
 def _own(name: str) -> Any:
-    """Return a property of an adapted monitor: that of its own monitor, or else the default of Monitor."""
+    """Return a property of an adapted monitor, read from its `monitor`, or else the default of Monitor."""
 
     def read(adapted: AdaptedMonitor) -> Any:
         return getattr(adapted.monitor if _states(adapted.monitor, name) else super(AdaptedMonitor, adapted), name)

@@ -76,7 +76,7 @@ def joined(*states: State) -> State:
 class ClosestApproach:
     """A goal: a distance, and optionally the error of an angle, come within their tolerances.
 
-    The margin is that of the quantity that is worse relative to its tolerance.
+    The margin belongs to the quantity that is worse relative to its tolerance.
     """
 
     who: str  # the beginning of the message, such as "elbow came"
@@ -333,7 +333,7 @@ class Interval:
     joint: str = ""
 
     def sides(self, scale: float = 1.0) -> Iterator[OneSidedBound]:
-        """Yield both bounds. `scale` makes their margins comparable with those of other signals."""
+        """Yield both bounds. `scale` makes their margins comparable with the margins of other signals."""
         yield OneSidedBound(self, -1, self.lower, scale)
         yield OneSidedBound(self, 1, self.upper, scale)
 

@@ -1,7 +1,7 @@
 """Contacts and least distances, read from traces: mean forces, the first forbidden touch.
 
-The force of a single physics step depends on the rate: an impact may last one step, whatever its duration. The impulse
-of the impact, and so the mean force over a fixed time, does not.
+The force of a single physics step depends on the rate: an impact may last one step, however long the step is. The
+impulse of the impact, and so the mean force over a fixed time, does not.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class MeanForce:
 def _with_rows(
     rows: NDArray[np.int64], steps: NDArray[np.int64], mean: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the steps and their mean forces with those of `rows` that are not among them: they have no force."""
+    """Return the steps and their mean forces, completed by the other steps of `rows`, which have no force."""
     at = np.searchsorted(steps, rows)
     others = rows[np.append(steps, -1)[at] != rows]
     if not len(others):

@@ -68,7 +68,7 @@ class Watched:
         return replace(trace, state=np.column_stack((trace.time, *columns, trace.state[:, 14:])))
 
     def at_start(self, start: Observation) -> Observation:
-        """Return the state at t = 0 with the pose and the twist of the frame in place of those of the base."""
+        """Return the state at t = 0 with the frame's pose and twist in place of the base's."""
         if self.motion is None:
             return start
         row = self.seen(Trace.of_observation(start)).state[0].tolist()
@@ -110,7 +110,7 @@ class MotionAssertion(Assertion):
         return self.link is None and self.frame == WORLD
 
     def quantity(self, name: str, signal: str = "") -> str:
-        """Return a quantity of the frame as a formula writes it; `signal`: that of the base in formulas, if any."""
+        """Return a quantity of the frame as a formula writes it; `signal`: the base's signal in formulas, if any."""
         if self.watches_base and signal:
             return signal
         inside = self.frame == WORLD and self.link is not None and bool(signal)
@@ -194,7 +194,7 @@ class MotionAssertion(Assertion):
         return self.monitor_of(self.watched(scene), scene, start)
 
     def monitor_of(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """Open the monitor of a frame, such as that of a body of the world. `start` is the state at t = 0."""
+        """Open the monitor of a frame, such as the frame of a body of the world. `start` is the state at t = 0."""
         monitor = AdaptedMonitor.of(self.opened_on(watched, scene, watched.at_start(start)))
         if watched.motion is None:
             return monitor

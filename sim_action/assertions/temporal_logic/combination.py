@@ -76,7 +76,7 @@ class Parts(Monitor):
 
     titles: tuple[str, ...]
     monitors: tuple[Monitor, ...]
-    # True if the truth of each at the last step is needed: that of a sensor lasts until the next reading
+    # True if the truth of each at the last step is needed: a sensor's truth lasts until the next reading
     remembers: bool
     before: tuple[int, ...]  # these truths, 1, 0 or UNKNOWN
 

@@ -146,7 +146,7 @@ def _negated(formula: Formula) -> Formula:
 
 
 def _judged(formula: Formula, index: int, when: Interval) -> Interval:
-    """Return the times at which a direct subformula is judged; `when`: those of the formula."""
+    """Return the times at which a direct subformula is judged; `when`: the times of the formula."""
     match formula:
         case Until() if index == 0:
             return _later(when, Interval(0.0, formula.interval.end))
@@ -174,7 +174,7 @@ def audit_formula(text: str, formula: Formula, setting: Setting) -> Findings:
     if not parts:
         parts = [Constant(part, True) for part in _on_time_alone(formula)]
         yield from (_of_clock(text, constant) for constant in parts)
-    # A part on the time, such as a late deadline beside other limits, may be true in all of a run.
+    # A part on the time, such as a late deadline next to other limits, may be true in all of a run.
     if not parts and not can_be(formula, _possible_in(setting, setting.time_limit), true=False):
         yield _always(text, Constant(formula, True))
 
@@ -361,7 +361,8 @@ def possible_in_scene(scene: Scene, signal: Signal) -> Range:
         begin, far = (at.x, at.y, 0.0)[_AXES.index(signal.name)], scene.physics.max_distance
         return begin - far, begin + far
     if signal.source == "frame" and signal.name in _AXES and signal.names[0] in links:
-        reach, axis = range_of(scene, signal.names[0], WORLD), _AXES.index(signal.name)
+        reach = range_of(scene, signal.names[0], WORLD)
+        axis = _AXES.index(signal.name)
         if reach is not None and (signal.name != "z" or reach.has_height):
             middle, away = reach.centre_xyz[axis], reach.radius + ROUNDING_M
             return middle - away, middle + away

@@ -49,7 +49,7 @@ BASE_SIGNALS: Final = MappingProxyType(
 FRAME_SIGNALS: Final = MappingProxyType(
     {name: kind for name, kind in BASE_SIGNALS.items() if name not in ("time", "travel")}
 )
-"""Signals of the frame of a link; those of an object are the same without RATES."""
+"""Signals of the frame of a link; an object has all of them except RATES."""
 
 RATES: Final = ("speed", "turn_rate")  # signals of the frame of a link that objects do not have
 

@@ -170,7 +170,8 @@ def _linear(term: Term) -> Row:
                 total = _added(total, _linear(part), 1.0)
             return total
         case Product():
-            factor, others = 1.0, list[Row]()
+            factor = 1.0
+            others = list[Row]()
             for row in map(_linear, term.factors):
                 if row.keys() <= {None}:
                     factor *= row.get(None, 0.0)

@@ -371,14 +371,16 @@ class StlMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if not len(trace):
             return self
-        samples, reader = self.reader.read(trace), self.reader.after(trace)
+        samples = self.reader.read(trace)
+        reader = self.reader.after(trace)
         if not len(samples):
             return replace(self, reader=reader, last=float(trace.time[-1]))
         observed = tuple(
             (text, extreme if extreme.is_decided else extreme.observe(samples)) for text, extreme in self.premises
         )
         first = float(samples.time[0]) if self.first is None else self.first
-        part, last = self.part.observe(samples), float(trace.time[-1])
+        part = self.part.observe(samples)
+        last = float(trace.time[-1])
         return replace(self, part=part, reader=reader, premises=observed, first=first, last=last)
 
     @property
@@ -388,7 +390,8 @@ class StlMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
         """See Monitor.signals. Returns the compared quantities and the robustness."""
-        samples, distinct_units = self.reader.read(trace), set(self.units.values())
+        samples = self.reader.read(trace)
+        distinct_units = set(self.units.values())
         if not len(samples):
             return ()
         robustness = robustness_so_far(self.part, samples, distinct_units.pop() if len(distinct_units) == 1 else "")
@@ -506,7 +509,8 @@ def compared(formula: Formula, samples: Samples, units: Mapping[Comparison, str]
     """Yield one curve for each comparison: its measured value with its limit."""
     for comparison, contrary in dict.fromkeys(signed_comparisons(formula)):
         left, right = (values(term, samples) for term in (comparison.left, comparison.right))
-        name, limit = str(comparison.left), float(right[0])
+        name = str(comparison.left)
+        limit = float(right[0])
         if any(signals(comparison.right)):
             name, left, limit = f"{comparison.left} - {_inside(comparison)}", left - right, 0.0
         is_upper = comparison.relation in ("<", "<=")
@@ -522,7 +526,8 @@ def robustness_so_far(part: Part, samples: Samples, unit: str) -> Curve:
     """Return the robustness of a formula as if the run ended at each step; NaN where it is undefined."""
     count = min(len(samples), _MAX_POINTS)
     ends = np.unique(np.linspace(1, len(samples), count).round().astype(np.intp))
-    margins, begin = [], 0
+    margins = []
+    begin = 0
     for end in ends.tolist():
         part = part.observe(samples.between(begin, end))
         margins.append(part.outcome().value)

@@ -163,7 +163,8 @@ def tokens(text: str) -> Iterator[Token]:
     if len(text) > MAX_CHARACTERS:
         message = f"the formula has {len(text)} characters; at most {MAX_CHARACTERS} are allowed"
         raise FormulaError(text, MAX_CHARACTERS, message)
-    at, end = 0, len(text.rstrip())
+    at = 0
+    end = len(text.rstrip())
     while at < end:
         match = _TOKEN.match(text, at)
         assert match is not None
@@ -206,7 +207,8 @@ def _unquoted(name: str) -> str:
 
 def _names(text: str, at: int, inside: str) -> tuple[str, ...]:
     """Return names that commas separate. Raises FormulaError."""
-    names, begin = list[str](), 0
+    names = list[str]()
+    begin = 0
     while begin < len(inside):
         match = _ARGUMENT.match(inside, begin)
         if match is None:

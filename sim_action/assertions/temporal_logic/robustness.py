@@ -195,7 +195,7 @@ class SignalReader:
         return np.where(is_there, record.distance[at], np.nan)
 
     def _sensor_column(self, trace: Trace, signal: Signal) -> FloatArray:
-        """Return (T,) the last reading before each step; that of t = 0 also counts at t = 0."""
+        """Return (T,) the last reading before each step; the reading at t = 0 also counts at t = 0."""
         before = self.readings.get(signal, np.nan)
         record = trace.sensors.get(signal.names[0])
         if record is None or not len(record):

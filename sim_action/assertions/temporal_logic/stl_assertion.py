@@ -51,7 +51,7 @@ class Stl(Assertion):
     s] (...)`, `always[3 s, end] (...)`. The formula is judged at 0 s or `after`.
 
     Links, objects and sensors have signals, too. `LINK.z` has the names of the base's signals, except `time` and
-    `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is that of
+    `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is between
     the origins of two links or objects. `clearance`, `clearance(OBJECT)` and `clearance(LINK, OBJECT)` are distances of
     shapes; `force(OBJECT)` and `force(LINK, OBJECT)` the contact force, averaged over 50 ms; their object may be
     `ground`. `SENSOR.READING` is the last reading before a step, such as `bumper.force`, `scan.ranges.min` or

@@ -206,7 +206,8 @@ class Polyhedron(Solid):
         entry, leaving = np.full(shape, -np.inf), np.full(shape, np.inf)
         face = np.zeros(shape, dtype=np.intp)
         for number, (normal, offset) in enumerate(zip(self.normals.tolist(), self.offsets.tolist(), strict=True)):
-            towards, above = _dot(normal, rays.ways), _above(normal, offset, rays.start_xyz)
+            towards = _dot(normal, rays.ways)
+            above = _above(normal, offset, rays.start_xyz)
             depth = -above / towards
             if above > 0:
                 # The start is outside this plane, so rays can only enter through it.
@@ -284,7 +285,8 @@ class Triangle(Solid):
         normal = np.cross(own[1] - own[0], own[2] - own[0])
         normal /= np.linalg.norm(normal)
         edges = np.cross(np.roll(own, -1, axis=0) - own, normal)
-        (nx, ny, nz), (x, y, z) = normal.tolist(), middle.tolist()
+        nx, ny, nz = normal.tolist()
+        x, y, z = middle.tolist()
         return cls(own, (nx, ny, nz), edges), (x, y, z)
 
     @property
