@@ -44,7 +44,7 @@ class OpenLoop:
     notes: Callable[[float], Iterable[str]] = lambda _: ()  # the end of the run, as sim time in s -> notes for the user
     # the rising physics steps at which it is called, and no other; None: at every tick
     due: Sequence[int] | None = None
-    marks: Sequence[TimeMark] = ()  # its marks of the timeline, with times like those of `command`
+    marks: Sequence[TimeMark] = ()  # its marks of the timeline, with times like the time of `command`
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class ClosedLoop:
 
     command: Callable[[Observation], Answer]  # observation -> command
     senses: bool = True  # True if it reads sensors; a sensor without a reader is not simulated
-    sensors: tuple[MountedSensor, ...] = ()  # sensors that it adds to those of the scenario
+    sensors: tuple[MountedSensor, ...] = ()  # sensors that it adds to the scenario
     begin: Callable[[], None] = _nothing  # called when an event starts it, also again
     close: Callable[[], None] = _nothing  # called once, after the run
     notes: Sequence[str] = ()  # notes for the user, complete after `close`
@@ -65,7 +65,7 @@ class ClosedLoop:
     logged_errors: Sequence[str] = ()  # errors that programs of the user logged, complete during the run
     # returns why it has given no command, called before `close`; empty if that is not known
     why_silent: Callable[[], str] = str
-    # its marks of the timeline, complete during the run, with times like those that its observations have
+    # its marks of the timeline, complete during the run, with times like the times of its observations
     marks: Sequence[TimeMark] = ()
     is_timed: bool = False  # True if its observations, motions and marks have times since its start, not sim times
 
@@ -108,19 +108,19 @@ class CommandSource(Transmission):
         return ""
 
     def tick_rate(self, physics_rate: float) -> float:
-        """Return the rate in Hz at which its controller is called; it divides that of the physics."""
+        """Return the rate in Hz at which its controller is called; it divides the rate of the physics."""
         return self.rate
 
     @property
     def needed_rate(self) -> float | None:
-        """The rate in Hz that has to divide that of the physics; None if another rate will do, see `fitted`."""
+        """The rate in Hz that has to divide the rate of the physics; None if another rate will do, see `fitted`."""
         return self.rate
 
     def fitted(self, physics_rate: float) -> Self:
-        """Return this source with a rate that divides that of the physics in Hz, if it needs no other one."""
+        """Return this source with a rate that divides the rate of the physics in Hz, if it needs no other one."""
         if self.needed_rate is not None or rate_divides(physics_rate, self.rate):
             return self
-        # The lowest rate in Hz that is not below `rate` and divides that of the physics.
+        # The lowest rate in Hz that is not below `rate` and divides the rate of the physics.
         most = max(1, int(physics_rate / self.rate))
         # A rate in whole Hz has its ticks at round times.
         whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
@@ -146,7 +146,7 @@ class CommandSource(Transmission):
         yield from ()
 
     def actor_problems(self, others: Sequence[CommandSource]) -> SpecProblems:
-        """Yield what prevents that it drives another robot of the world beside some sources of the robots before it."""
+        """Yield problems with driving another robot of the world; `others`: sources of the robots before it."""
         yield from ()
 
     def claims(self, setting: Setting) -> Findings:

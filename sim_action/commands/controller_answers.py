@@ -78,7 +78,8 @@ class RobotDescription:
         """Return the robot of a scene; `purpose` selects the stream of random numbers."""
         model = scene.model
         joints = {joint.name: JointDescription.of(joint) for joint in model.joints}
-        links, random = tuple(link.name for link in model.links), scene.generator(purpose)
+        links = tuple(link.name for link in model.links)
+        random = scene.generator(purpose)
         return cls(model.name, model.root, links, joints, rate, scene.seed, random)
 
 

@@ -1,6 +1,6 @@
 """A controller in any language: `process: [node, controller.js]`, which answers lines of JSON.
 
-Its messages are JSON: observations and the robot's description out, commands back. Names and units are those of the
+Its messages are JSON: observations and the robot's description out, commands back. Names and units are as in the
 Python API. Reading is strict: an answer that could have several meanings is an error.
 """
 
@@ -117,7 +117,7 @@ class ProcessCommands(CommandSource):
     "angle_increment":2.09,"range_min":0.0,"range_max":10.0,"ranges":[null,1.5,0.7]}}}
     ```
 
-    The pose and the twist are those of the base link in the world frame; units are SI. Each JSON is one line, with
+    The pose and the twist describe the base link in the world frame; units are SI. Each JSON is one line, with
     other keys to ignore. In `sensors`, null stands for inf (nothing in range), and 0 for -inf (too near); an image has
     `shape`, `type` and `base64`: bytes row by row, little-endian. With `links: [tool0]`, the line has `links`: name ->
     `pose` and `twist`. The answer is one of these, or several together:

@@ -249,7 +249,7 @@ class Knot:
 
 
 def knots(points: Iterable[JointPoint], model: RobotModel | None = None) -> Iterator[Knot]:
-    """Yield all targets, point by point. Without a model, each name is taken for that of a joint."""
+    """Yield all targets, point by point. Without a model, each name is taken for a joint."""
     for index, point in enumerate(points):
         names = {name: None for _, targets in point.groups() for name in targets}
         meant = {name: (name,) for name in names} if model is None else joints_set_by(model, names)
@@ -281,7 +281,8 @@ def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene)
     by_joint: dict[str, list[Knot]] = {}
     for knot in knots(points, scene.model):
         by_joint.setdefault(knot.joint, []).append(knot)
-    hinted, any_selected = FirstFew(), False
+    hinted = FirstFew()
+    any_selected = False
     for index, point in enumerate(points):
         for reading, targets in point.groups():
             any_selected |= any(selects(scene.model, name) for name in targets)

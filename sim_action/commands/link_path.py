@@ -168,7 +168,8 @@ def along(path: LinkPath, leg: Leg, samples: Sequence[Values]) -> tuple[FloatArr
     if blend.times.size > 2:
         times = times[(times >= leg.start + early) & (times <= leg.end - late)]
     share, speed, change = blend.states(times)
-    table, steps = np.array(samples), np.linspace(0.0, 1.0, len(samples))
+    table = np.array(samples)
+    steps = np.linspace(0.0, 1.0, len(samples))
     states = [Curve.through(steps, column).states(share) for column in table.T]
     at, slope, bend = (np.stack(columns, axis=1) for columns in zip(*states, strict=True))
     return share, times, at, slope * speed[:, None], bend * speed[:, None] ** 2 + slope * change[:, None]

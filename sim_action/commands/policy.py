@@ -104,14 +104,14 @@ class PolicyCommands(CommandSource):
     - `base.linear`, `base.angular`: velocity of the base link in its own frame; `base.rpy`: roll, pitch and yaw;
       `base.height`: z of its origin in the world;
     - `gravity`: the direction of `world.gravity` as a unit vector in the frame of the base link;
-    - `joints.position` (minus an `offset`: that of the term, else that of a position action), `joints.velocity`,
+    - `joints.position` (minus the `offset` of the term, else of a position action), `joints.velocity`,
       `joints.effort`;
     - `last_action`: the last output of the network after `clip`, 0 at first;
     - `commands`: the wanted velocity as vx, vy, wz, from the key `commands`;
     - `time` in s; `phase.sin` and `phase.cos` of a gait with a `period`, and a `shift` as a share of it;
     - `sensors.NAME.COLUMN`: the latest reading of a sensor, such as `sensors.imu.angular_velocity_xyz`.
 
-    The joints are those of the model in its order, without followers. `order` states others: check it, because
+    The joints are all joints of the model in its order, without followers. `order` states others: check it, because
     simulators number joints in different ways. `order`, `action` and `observation` may be left out if the file itself
     states them, as mjlab and BeyondMimic write them. Inputs that are no observation get `constants`, or `pictures` of a
     camera, whose values are `(pixel * scale - mean) / std`.
@@ -186,7 +186,7 @@ class PolicyCommands(CommandSource):
 
     @override
     def completed(self, workspace: Workspace) -> Self:
-        """See CommandSource.completed: keys that are not given are those that the network states."""
+        """See CommandSource.completed: the network states the keys that are not given."""
         network = self._read(workspace)
         if not isinstance(network, Network):
             return self
@@ -212,7 +212,8 @@ class PolicyCommands(CommandSource):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield keys that do not fit together, and problems with the network, which another process opens."""
-        network, stated = self._read(workspace), Stated()
+        network = self._read(workspace)
+        stated = Stated()
         if isinstance(network, str):
             yield ("policy",), network
         elif network is not None:

@@ -281,7 +281,8 @@ class NetworkController:
     _chunks: deque[Any] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.action, self._chunks = np.zeros(len(self.joints)), deque()
+        self.action = np.zeros(len(self.joints))
+        self._chunks = deque()
 
     def run(self, now: Observation) -> None:
         """Compute the next action. Raises ScriptError."""
@@ -307,7 +308,7 @@ class NetworkController:
             raise ScriptError(f"{self.name}: {error}") from None
         kept, hidden = more[: len(self.memory)], more[len(self.memory) :]
         for name, value in zip(self.session.hidden, hidden, strict=True):
-            # Infinite scores are those of excluded choices.
+            # Excluded choices have infinite scores.
             what = f"its inner value '{name}', which a maximum or comparison would hide"
             self._require_finite(np.where(np.isnan(value), value, 0), inputs, [what])
         for name, value in zip(self.memory.values(), kept, strict=True):

@@ -53,7 +53,7 @@ class Stated:
     names: tuple[str, ...] = ()  # the names of its observations
     # for each observation, the keys of a term that it states; its name is missing if there is no such term
     terms: tuple[Mapping[str, Any], ...] = ()
-    without_gains: str = ""  # a joint whose stiffness and damping are not those of the policy; empty if there is none
+    without_gains: str = ""  # a joint whose stiffness and damping are not of the policy; empty if there is none
 
     @property
     def unknown(self) -> list[str]:
@@ -85,7 +85,7 @@ def stated_in(metadata: Mapping[str, str], order: tuple[str, ...] | None = None)
 
 
 def _without_gains(action: Mapping[str, float | tuple[float, ...]], joints: Sequence[str]) -> str:
-    """Return the first joint whose stated gains are those of its last actuator in MuJoCo, and not of the policy.
+    """Return the first joint whose stated gains belong to its last actuator in MuJoCo, not to the policy.
 
     mjlab 1.6 states 1 and 0 for a motor, whose gains are outside of the model, and twice the damping for a position
     actuator with a velocity actuator after it.

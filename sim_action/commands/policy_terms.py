@@ -34,7 +34,7 @@ _SIZES: Final[Mapping[str, int]] = {
     "time": 1,
     **dict.fromkeys(_PHASES, 1),
 }
-TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")  # the terms besides those of sensors
+TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")  # the terms besides terms of sensors
 _SENSORS: Final = "sensors."
 _UNREADABLE: Final = frozenset({"camera"})  # kinds of sensors without terms
 

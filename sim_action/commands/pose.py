@@ -254,7 +254,8 @@ class PoseCommands(LinkCommands):
 
     def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
         """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
-        origin, any_unreachable = geometry.compose(base, follower.chain.pose(start)), False
+        origin = geometry.compose(base, follower.chain.pose(start))
+        any_unreachable = False
         goals = islice(self._goals(origin), MAX_CHECKED_WAYPOINTS)
         for index, message in islice(unreachable(follower, goals, base, start), _MAX_UNREACHABLE):
             any_unreachable = True

@@ -41,7 +41,7 @@ from sim_action.world.scene import Scene
 _CSV: Final = ".csv"
 _ROUNDING: Final = 1e-6  # in ticks: two times that differ by less are the same
 
-# Speeds of a log that differ by more from those of its positions, as a share and in rad/s or m/s, are not its own.
+# Speeds of a log are ignored if they differ by more from the slopes of its positions, as a share and in rad/s or m/s.
 _DIFFERENT: Final = 0.5
 _SLOW_RADPS: Final = 0.05
 _SUDDEN: Final = 4.0  # between two rows, a joint that is this many times faster than before and after them jumps
@@ -390,7 +390,7 @@ class Playback:
             yield escaped_line(f"{self._spec.replay}{of}: {total} were not used: {', '.join(reasons)}")
 
     def _tick(self, time: float) -> int:
-        """Return the tick of a row at a sim time in s; that of a row before t = 0 is the first."""
+        """Return the tick of a row at a sim time in s; the first tick for a row before t = 0."""
         return max(0, math.ceil((time - self._tolerance) * self._rate - _ROUNDING))
 
     def _add_twists(self, rows: Sequence[tuple[float, Content]]) -> None:
@@ -462,7 +462,8 @@ class Playback:
         # Of rows in one physics step, the last counts.
         written = self._spaced(positions)
         values = self._unwrapped(joint, written, np.array([positions[time] for time in written]))
-        times, rates = regular(np.array(written), values), np.array([speeds.get(time, math.nan) for time in written])
+        times = regular(np.array(written), values)
+        rates = np.array([speeds.get(time, math.nan) for time in written])
         stated = np.isfinite(rates)
         if len(times) > 1 and stated.any():
             slopes = np.gradient(values, times)[stated]
@@ -479,7 +480,7 @@ class Playback:
         return replace(curve, sudden=tuple((float(times[k]), float(times[k + 1])) for k in jumps))
 
     def _spaced(self, times: Iterable[float]) -> list[float]:
-        """Return rising times in s without those that are closer than half a physics step before one that is kept."""
+        """Return rising times in s without times that are closer than half a physics step before a kept time."""
         kept: list[float] = []
         for time in reversed(list(times)):
             if not kept or kept[-1] - time >= self._step_s / 2:

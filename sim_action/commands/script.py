@@ -199,7 +199,7 @@ def controller_name(
 
     `names`: the names that the script defines; `function`: the function in the scenario, if any; `class_name`: the
     class in the scenario; without both, it is a class `Controller` or a function `control`; `defined`: the names that
-    are certainly functions, and those that are certainly classes.
+    are certainly functions, and the names that are certainly classes.
     """
     functions, classes = defined
     if function is not None:

@@ -24,7 +24,7 @@ from sim_action.world.claims import MANY_S, ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
 _ROUNDING: Final = 1e-9  # sim time is step / rate, so equal times may differ by rounding
-_MAX_TICK: Final = 2.0**53  # beyond, floats do not tell ticks apart
+_MAX_TICK: Final = 2.0**53  # beyond, floats do not distinguish ticks
 
 
 def missed_by_ticks(start: float, duration: float, rate: float) -> str | None:

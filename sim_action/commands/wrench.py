@@ -61,11 +61,11 @@ class TimedWrench(FrozenModel):
 
 
 class WrenchCommands(LinkCommands):
-    """Applies a force and a torque to a link, such as those of a propeller, a thruster or a cable.
+    """Applies a force and a torque to a link, as a propeller, a thruster or a cable does.
 
     The wrench acts at every physics step, from the first tick at or after `at` to the first tick at or after its end,
     but not while the robot settles. In the frame of a link it turns with the link. The force acts at the origin of the
-    link's frame, or at `point`; a force beside the centre of mass also turns the robot. Wrenches add up.
+    link's frame, or at `point`; a force off the centre of mass also turns the robot. Wrenches add up.
 
     A push from outside belongs into `world.disturbances`: it can also act on bodies of the world.
     """

@@ -59,7 +59,8 @@ class _Actor:
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
         self._guards: list[Guard] = [Watchdog.of(scene, robot.observe(0, contacts=False))]
         self._about = tuple(about_drive(own, scene, drive))
-        self._first, self._rows = 0, list[JointTargets | None]()
+        self._first = 0
+        self._rows = list[JointTargets | None]()
 
     def begin(self, bodies: FloatArray, *, solid_terrain: bool) -> None:
         """Take the poses (M, 7) of the bodies with a mass at t = 0."""
@@ -80,7 +81,7 @@ class _Actor:
         return trace, error
 
     def follow(self, scene: Scene) -> None:
-        """Take a scene that states the times of what has happened in the world since t = 0."""
+        """Take a scene that states the times of events in the world since t = 0."""
         for guard in self._guards:
             guard.follow(replace(self.scene, world=scene.world))
 
@@ -115,7 +116,7 @@ class Actors(Guard):
     def __init__(
         self, scenario: Scenario, scene: Scene, backend: Engine, *, judged: Collection[str], filmed: bool
     ) -> None:
-        """Open their controllers and sensors. Raise ScriptError, BadSource after closing those that are open.
+        """Open their controllers and sensors. Raise ScriptError, BadSource after closing the open ones.
 
         `judged`: names of robots and links whose poses expectations need at every step; `filmed`: a replay needs all
         links.
@@ -156,7 +157,7 @@ class Actors(Guard):
             actor.controls.switch(actor.events[index], step)
 
     def plan(self, step: int, until: int) -> int:
-        """Plan targets from a step on; return the step until which those of all robots are planned."""
+        """Plan targets from a step on; return the step until which the targets of all robots are planned."""
         for index, actor in enumerate(self._actors):
             with _of_actor(index, actor.name):
                 actor.plan(step, until)
@@ -164,7 +165,7 @@ class Actors(Guard):
         return until
 
     def added_to(self, planned: Sequence[JointTargets | None], step: int) -> list[JointTargets | None]:
-        """Return the targets of the robot under test from a step on, with those of all others."""
+        """Return the targets of the robot under test from a step on, with the targets of all other robots."""
         joined: dict[int, dict[str, JointTargets]] = {}
         for actor in self._actors:
             for at, targets in actor.targets(step, len(planned)):

@@ -1,6 +1,6 @@
-"""The guards of bodies on paths, which nothing stops: those that pin the robot, and those that pass through others.
+"""The guards of bodies on paths, which nothing stops: they may pin the robot, or pass through other bodies.
 
-A body on a path pins the robot with whatever force the engine computes. That force is proportional
+A body on a path pins the robot with any force that the engine computes. That force is proportional
 to the mass of the robot and to the depth of the overlap, and no machine has it. A robot that is squeezed even deeper is
 thrown out at a speed that seems possible.
 
@@ -111,7 +111,8 @@ class Pinning(Guard):
 
     def _pressed(self, touches: Sequence[Contact], trace: Trace) -> dict[str, FloatArray]:
         """Return body on a path -> (T,) its mean force in N over the window that ends at each step; without zeros."""
-        first, count = self._step(float(trace.time[0])), len(trace)
+        first = self._step(float(trace.time[0]))
+        count = len(trace)
         mean_forces = {}
         forces = {name: np.concatenate((before, np.zeros(count))) for name, before in self._forces.items()}
         for touch in touches:
@@ -218,7 +219,8 @@ class _Traveller:
 
     def meets(self, obstacle: Obstacle, path: PosePath | None, end: float, rate: float) -> dict[str, float]:
         """Return name -> s: when it first overlaps each body of an obstacle, which may be on a path itself."""
-        search, free_until = _Search(obstacle), 0.0
+        search = _Search(obstacle)
+        free_until = 0.0
         # The sim times in s to look at, up to the end of a run.
         paths = [pose_path for pose_path in (self.path, path) if pose_path is not None]
         # A path with a pace ends later or earlier than it states.

@@ -100,7 +100,7 @@ class TargetStep(NamedTuple):
 
 
 class _Motions:
-    """The motions of position targets; `active`: those that have not ended; `steps`: joint -> steps of its targets."""
+    """Motions of position targets; `active`: motions that have not ended; `steps`: joint -> steps of its targets."""
 
     def __init__(self, beginnings: Mapping[str, float], rate: float, on_command: Told) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
@@ -208,7 +208,7 @@ class Controls:
         on_command: Told = lambda _time, _command: None,
         seams: Seams = UNTOUCHED,
     ) -> None:
-        """Open the sources. Raise ScriptError after closing those that are open."""
+        """Open the sources. Raise ScriptError after closing the open ones."""
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
         self._rate = scenario.physics.rate
         self._told = on_command
@@ -232,7 +232,7 @@ class Controls:
         self._late = [(source, source.line) for source in self._sources if source.line is not None]
         self._has_events = bool(scenario.events)
         waiting = {place for event in scenario.events for place in event.starts}
-        # Those that an event has not stopped, or is still to start.
+        # The sources that no event has stopped, and that no event is still to start.
         self._active = [source for source in self._sources if source.index not in waiting]
         self._halt: JointTargets | None = None
         self._specs, self._past_marks = scenario.commands, list[TimeMark]()
@@ -249,7 +249,7 @@ class Controls:
 
     @property
     def sensors(self) -> tuple[MountedSensor, ...]:
-        """The sensors of the controllers besides those of the scenario."""
+        """The sensors that the controllers add to the scenario."""
         return tuple(mounted for live in self._closed for mounted in live.sensors)
 
     @property

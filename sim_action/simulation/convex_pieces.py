@@ -141,7 +141,7 @@ def part_pieces(parts: Sequence[Part]) -> Iterator[Piece]:
 
 
 def part_soups(parts: Sequence[Part], *, is_solid: bool) -> Iterator[Soup]:
-    """Yield the triangles of the surfaces of a body; those of terrain reach down to its bottom if it `is_solid`."""
+    """Yield the triangles of the surfaces of a body; terrain that `is_solid` has some down to its bottom."""
     for part in parts:
         if isinstance(part, SurfacePart):
             corners = part.points_xyz[part.triangles]
@@ -182,7 +182,8 @@ class Obstacle:
     @classmethod
     def of(cls, several: Sequence[tuple[str, tuple[float, float], Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:
         """Return the obstacle of at least one body: name, steps of its presence, pose, pieces and soups of each."""
-        blocks, columns = list[FloatArray](), list[tuple[int, float, float, int, float, float]]()
+        blocks = list[FloatArray]()
+        columns = list[tuple[int, float, float, int, float, float]]()
         for number, (_, presence, pose, pieces, soups) in enumerate(several):
             for piece in pieces:
                 blocks.append((turned(piece.points, pose.orientation_xyzw) + pose.position_xyz)[None])

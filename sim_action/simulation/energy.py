@@ -103,7 +103,7 @@ class Mechanics:
         return kinetic, potential
 
     def lowest(self, frames: Mapping[str, _Frame], fixed: frozenset[str]) -> FloatArray:
-        """Return a lower bound (T,) in m on the height of all collision shapes, but those of the links `fixed`."""
+        """Return a lower bound (T,) in m on the height of all collision shapes except shapes of the links `fixed`."""
         lowest = np.full(len(frames[self._model.root].linear), np.inf)
         for name, shapes in self._shapes.items():
             for centre, reach in shapes if name not in fixed else ():
@@ -119,7 +119,8 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
         inertial = link.find("inertial")
         if inertial is not None:
             xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
-            at, tensor = origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            at = origin(inertial)
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES])
             mass = number(inertial.find("mass"), "value") or 0.0
             bodies[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)

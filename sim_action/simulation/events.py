@@ -38,7 +38,7 @@ class _Watch:
         self._hold = HoldTime(condition.span) if condition.span else None
 
     def _opened(self, *, negated: bool = False) -> Monitor:
-        """Return the monitor of the assertion; that of a formula waits until it is true, or false if `negated`."""
+        """Return the monitor of the assertion; a formula's monitor waits until it is true, or false if `negated`."""
         assertion, span = self._condition.assertion, self._condition.span
         if isinstance(assertion, Stl):
             lasting = f"always[0 s, {span!r} s] " if span and not negated else ""
@@ -96,8 +96,8 @@ class RunEvents:
     """The events of one run.
 
     Attributes:
-        happenings: what has happened, in the order of time and then of the file.
-        scenario: the scenario with the times of what has happened.
+        happenings: the happenings so far, in the order of time and then of the file.
+        scenario: the scenario with the times of these happenings.
         end: the sim time in s at which an event ends the run; infinite without one.
     """
 
@@ -182,12 +182,12 @@ class RunEvents:
         return any(action.end for action in self._scenario.events[index].actions)
 
     def scenario_until(self, end: float) -> Scenario:
-        """Return the scenario with the times of what happened until a sim time in s."""
+        """Return the scenario with the times of the happenings until a sim time in s."""
         happened = self.until(end)
         return self.scenario if len(happened) == len(self.happenings) else after(self._scenario, happened)
 
     def until(self, end: float) -> list[Happening]:
-        """Return what happened until a sim time in s."""
+        """Return the happenings until a sim time in s."""
         return [happening for happening in self.happenings if happening.time <= end + 0.5 / self._rate]
 
     def times(self, end: float) -> dict[str, tuple[float, ...]]:
@@ -199,7 +199,7 @@ class RunEvents:
         }
 
     def time_marks(self, end: float) -> Iterator[TimeMark]:
-        """Yield the marks of what happened until a sim time in s."""
+        """Yield the marks of the happenings until a sim time in s."""
         return time_marks(self._scenario, self.until(end))
 
     def findings(self, end: float) -> Iterator[ClaimFinding]:

@@ -1,7 +1,7 @@
 """Bounds on the motion of links and bodies in a step: which of them are fast enough to pass through each other.
 
 The speeds of each block of steps give an upper bound on the motion of each link and body in a step. Only if it exceeds
-the width of the link or body and of what it may meet, `swept_search` looks at each step.
+the widths of the link or body and an obstacle together, `swept_search` looks at each step.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Miss(NamedTuple):
     """A piece that passed through another."""
 
     row: int  # the index of the step in its block
-    mover: str  # mover, body: the moved piece's link or body, and that of the other piece, as in messages
-    body: str
+    mover: str  # the moved piece's link or body, as in messages
+    body: str  # the other piece's link or body, as in messages
     way: float  # the motion in the step in m, relative to the other piece
     extent: float  # of the piece along the way, in m
     thickness: float  # of the other piece, in m
@@ -51,7 +51,8 @@ class Mover(NamedTuple):
     @classmethod
     def of(cls, body: Body, parts: Sequence[Part]) -> Mover:
         """Return a body with these parts."""
-        width, far = _least_thickness(parts), max(map(reach, parts))
+        width = _least_thickness(parts)
+        far = max(map(reach, parts))
         if not body.path:
             return cls(body, width, far)
         path = path_of(body, parts)
@@ -85,7 +86,8 @@ class Parts:
         self.fixed = tuple(body for body in bodies if body.mass is None and not body.path)
         heavy = [body for body in bodies if body.mass is not None]
         moving = (*heavy, *(body for body in bodies if body.path))
-        self.movers, self.heavy = tuple(Mover.of(body, scene.parts_of(body)) for body in moving), len(heavy)
+        self.movers = tuple(Mover.of(body, scene.parts_of(body)) for body in moving)
+        self.heavy = len(heavy)
         self._thickness = min((_least_thickness(scene.parts_of(body)) for body in self.fixed), default=math.inf)
         self._mover_widths = np.array([mover.width for mover in self.movers], dtype=np.float64)
         self._paths = np.array([mover.fastest for mover in self.movers]) / scene.physics.rate
@@ -95,7 +97,7 @@ class Parts:
         """Return bounds (6 + 2 J,) on velocities in `Trace.state` within which nothing is fast; see `fast_pairs`."""
         joints = self._ways.shape[1] - 2
         ways = self._paths - self._mover_widths
-        # A link that meets those of other robots may not move by more than its own width.
+        # A link that meets links of other robots may not move by more than its own width.
         least = 0.0 if self.scene.actors else -math.inf
         obstacles = (np.append(ways, -self._thickness if free else -math.inf) for free in self._free)
         widest = np.array([margins.max(initial=least) for margins in obstacles])

@@ -39,7 +39,7 @@ class _Motor:
 
 
 class FaultSeams(Seams):
-    """The seams of a run whose motors and sensors fail at times; inside of those of a mutation, if there is one."""
+    """The seams of a run whose motors and sensors fail at times; `inner`: its mutation's seams, if there is one."""
 
     def __init__(self, faults: Sequence[Fault], scene: Scene, inner: Seams) -> None:
         """Prepare the faults for a scene."""

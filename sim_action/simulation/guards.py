@@ -58,7 +58,7 @@ class Guard:
         """Take the moments that the expectations have judged, and the contacts of the last of them."""
 
     def follow(self, scene: Scene) -> None:
-        """Take a scene that states the times of what has happened in the world since t = 0."""
+        """Take a scene that states the times of events in the world since t = 0."""
 
     def notes(self, end: float) -> Iterable[str]:
         """Return notes on a run that ended at this sim time in s."""

@@ -78,7 +78,7 @@ class SimulationRun:
     engine: str
     notes: tuple[str, ...]  # assumptions and observations, for people
     model_notes: tuple[str, ...] = ()  # notes on the robot model that every report shows
-    # of the audit of claims after the run, except those that the scenario allows
+    # of the audit of claims after the run, except findings that the scenario allows
     findings: tuple[ClaimFinding, ...] = ()
     # name of each event -> the sim times in s at which it happened
     events: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -451,7 +451,8 @@ class _Loop:
         trace = self._collected()
         if self._events is not None:
             self._events.judge(trace)
-            trace, self._seen = Trace.concatenate((*self._seen, trace)), []
+            trace = Trace.concatenate((*self._seen, trace))
+            self._seen = []
         if self._scene.world.objects:
             self._body_poses = self._backend.collect_bodies()
         for guard in self._guards:
@@ -470,7 +471,7 @@ class _Loop:
         return replace(trace, sensors=readings) if readings else trace
 
     def _events_until(self, events: RunEvents, end: int) -> int:
-        """Let what is due happen from the next step on; return the step up to which the run may go on."""
+        """Let due events happen from the next step on; return the step up to which the run may go on."""
         for index in self._switching:
             self._controls.switch(self._scenario.events[index], self._step)
             if self._actors:

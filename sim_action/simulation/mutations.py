@@ -26,7 +26,7 @@ from sim_action.state.readings import biased_columns, shifted
 from sim_action.world.scene import Scene
 
 STALE_S: Final = 0.5
-DRIFT_S: Final = 5.0  # the time in s after which the error of a sensor that drifts is that of a biased one
+DRIFT_S: Final = 5.0  # the time in s after which a drifting sensor has the error of a biased one
 
 BIASES: Final = {"m": 0.2, "m/s": 0.2, "rad/s": 0.2, "m/s^2": 1.0, "N": 10.0}
 """The error of a biased sensor by the SI unit of its numbers; 1 in other units."""

@@ -22,7 +22,8 @@ def preload(scenarios: Iterable[LoadedScenario]) -> None:
 
 def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
     """Return the names of the modules that some of these scenarios may need, but not every run."""
-    needed, robots = set[str](), set[tuple[object, ...]]()
+    needed = set[str]()
+    robots = set[tuple[object, ...]]()
     for loaded in scenarios:
         modules = ENGINES[chosen(loaded.scenario.backend)].feature_modules
         if loaded.scenario.robot.is_mjcf and "MJCF" in modules:

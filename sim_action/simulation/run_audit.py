@@ -26,7 +26,7 @@ from sim_action.world.claims import IN_RANGE, ClaimFinding, JudgedRun, nothing_i
 from sim_action.world.robot_reach import is_untouched
 from sim_action.world.scene import Scene
 
-_MIN_COMMAND: Final = 1e-6  # m/s, rad/s, N and N m: a smaller command is that of a robot at rest
+_MIN_COMMAND: Final = 1e-6  # m/s, rad/s, N and N m: a smaller command keeps a robot at rest
 _ROUNDING: Final = 1e-4  # in any unit: a robot that has settled differs from its start by less
 _MIN_TARGET: Final = 2e-3  # rad and m: a position nearer to the start is no command to move
 _SHORT_S: Final = 0.5  # s: a robot may not have moved yet when a shorter run ends

@@ -51,7 +51,7 @@ class Sensing:
         """Open the sensors that are needed.
 
         `heard`: True if a controller reads sensors; `judged`: the names of sensors that assertions read; `more`:
-        sensors of controllers besides those of the scenario; `logs`: gets a log of each open sensor by name.
+        sensors of controllers besides the scenario's sensors; `logs`: gets a log of each open sensor by name.
         """
         self._backend, self._rate, self._is_heard = backend, scenario.physics.rate, heard
         self._judged, self._seams = judged, seams

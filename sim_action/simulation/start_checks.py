@@ -61,7 +61,7 @@ def refuse_bad_start(
 
 
 def _of_free(scene: Scene, clashes: Iterable[Clash]) -> Iterator[Clash]:
-    """Yield the clashes without those of a robot that is fixed to the world with what is fixed, too."""
+    """Yield all clashes except clashes of a robot that is fixed to the world with other fixed bodies."""
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
     bolted = {name for name, actor in scene.actors.items() if actor.bolted}
     for clash in clashes:
@@ -76,7 +76,8 @@ def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engi
         return backend, ()
     x, y, z = backend.observe(0, contacts=False).pose.position_xyz
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None and not body.path)}
-    lift, below = 0.0, set[str]()
+    lift = 0.0
+    below = set[str]()
     while overlapping := [
         overlap for overlap in backend.overlaps() if overlap.body in fixed and overlap.depth > _ON_TOP_M
     ]:

@@ -75,7 +75,8 @@ class SweptSearch:
 
     def first_miss(self, block: Block, pairs: Iterable[tuple[int, int]]) -> Miss | None:
         """Return the first missed contact of some pairs of a part and an obstacle."""
-        best, end = None, len(block.trace)
+        best = None
+        end = len(block.trace)
         first = round(float(block.trace.time[0]) * self._rate)
         frames = self._link_frames(block)
         for part, other in pairs:
@@ -161,7 +162,8 @@ def first_meeting(
         robot.links(block, {pair[side] for pair in pairs}, name)
         for side, (robot, block) in enumerate(zip(robots, blocks, strict=True))
     )
-    best, end = None, len(blocks[0].trace)
+    best = None
+    end = len(blocks[0].trace)
     for link, against in pairs:
         motion, obstacle = theirs[against]
         if obstacle is not None:
@@ -235,7 +237,8 @@ class _Search:
         hulls = [turned(own, turns) + place for place, turns in poses]
         sweeps = [np.vstack(pair) for pair in pairwise(hulls)]
         for index in near:
-            other, reach = obstacle.corners(index), float(obstacle.radius[index])
+            other = obstacle.corners(index)
+            reach = float(obstacle.radius[index])
             limit = piece.radius * (1 - _GRAZE) + reach
             if not any(_overlap(sweep, other, limit) for sweep in sweeps):
                 continue

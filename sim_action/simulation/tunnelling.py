@@ -62,7 +62,8 @@ class Tunnelling(Guard):
     @override
     def follow(self, scene: Scene) -> None:
         self.parts = self._made(scene)
-        self._calm, self._search = self.parts.calm_state(), None
+        self._calm = self.parts.calm_state()
+        self._search = None
 
     @override
     def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:

@@ -215,7 +215,8 @@ class _ScannedBag(ScannedLog):
         self.cut = True
         for fields, data in self._records():
             if fields[b"op"] == _BAG_CONNECTION:
-                number, of = int.from_bytes(fields[b"conn"], "little"), _fields(data)
+                number = int.from_bytes(fields[b"conn"], "little")
+                of = _fields(data)
                 text = MessageDefinition(MessageDefinitionFormat.MSG, of[b"message_definition"].decode())
                 names = fields[b"topic"].decode(), _type(of[b"type"].decode())
                 extra = ConnectionExtRosbag1(None, None)

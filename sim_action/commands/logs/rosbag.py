@@ -95,7 +95,7 @@ def read_log(path: Path, name: str, selection: Wanted) -> Recorded:
 
 
 def _holes_cut_out(storage: _Storage, topic: str) -> Iterator[str]:
-    """Remove the damaged parts of a file with a good index from its index; yield a note that counts what is lost.
+    """Remove the damaged parts of a file with a good index from its index; yield a note that counts lost messages.
 
     A part is a chunk of MCAP, or a message of a rosbag1 and the one before it, whose end may be damaged, too.
     """
@@ -216,7 +216,7 @@ def _opened(file: Path, notes: list[str]) -> Iterator[_Storage]:
                 try:
                     with Reader2(file) as indexed:
                         # `rosbags` reads only messages in the index. Messages outside of chunks have no index, and
-                        # writers may leave out that of the messages in a chunk.
+                        # writers may leave out the index of the messages in a chunk.
                         log: Any = indexed.storage
                         counts = [sum(chunk.channel_count.values()) for chunk in log.chunks]
                         is_indexed = bool(counts) and all(counts) and sum(counts) == indexed.message_count
@@ -458,7 +458,7 @@ def _refuse_falling(times: Sequence[int], what: str, remedy: str, key: str, most
 
 
 def _clock_of(storages: Sequence[_Storage]) -> Callable[[Sequence[int]], list[int]]:
-    """Return the function from times of receipt in ns to those of /clock, which is interpolated."""
+    """Return the function from times of receipt in ns to interpolated times of /clock."""
     connections = [
         connection
         for storage in storages
