@@ -91,7 +91,7 @@ def summary(model: type[BaseModel]) -> str:
 
 
 def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
-    """The keys of a model, those that are required first, and those that many models share last."""
+    """Return the keys of a model: required keys first, keys that many models share last."""
     last = getattr(model, "last_keys", ())
     rows = [
         FieldEntry(
@@ -109,7 +109,7 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
 def key_rows(
     model: type[BaseModel], above: str = "", shown: set[type[BaseModel]] | None = None
 ) -> Iterator[FieldEntry]:
-    """Yield each key and the keys below it, but not those of an assertion, and of a model in `shown`."""
+    """Yield each key and the keys below it, except the keys of assertions and of models in `shown`."""
     shown = set() if shown is None else shown
     for entry in fields(model):
         below = [
@@ -250,7 +250,7 @@ def guide() -> str:
 
 
 def _guide_rows(rows: Iterable[FieldEntry], seen: set[FieldEntry]) -> Iterator[str]:
-    """Yield a line for keys that take the same and follow each other; those that were `seen` have only their names."""
+    """Yield one line for adjacent keys that take the same values; keys in `seen` have only their names."""
     for is_known, group in itertools.groupby(dict.fromkeys(rows), seen.__contains__):
         if is_known:
             yield f"{', '.join(row.name for row in group)} as above"

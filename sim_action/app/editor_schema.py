@@ -1,8 +1,8 @@
-"""JSON Schemas in the form that editors and validators need, made from those that pydantic writes.
+"""JSON Schemas in the form that editors and validators need, made from the schemas of pydantic.
 
-The result is draft-07, which all editors know, and passes the strict mode of ajv. Alternatives are told apart by
-`if`/`then` or by a key before they are checked, so that an editor reports one short problem at the right line, and not
-all alternatives.
+The result is draft-07, which all editors know, and passes the strict mode of ajv. `if`/`then` or a key selects an
+alternative before it is checked, so that an editor reports one short problem at the right line, and not all
+alternatives.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class EditorSchemas:
     """The conversion of schemas that share definitions."""
 
     def __init__(self, definitions: Mapping[str, Schema]) -> None:
-        """Take the definitions in the form of pydantic; those of partial maps are added when they are needed."""
+        """Take the definitions in the form of pydantic; definitions of partial maps are added when they are needed."""
         self._definitions = dict(definitions)
 
     def document(self, head: Schema, root: Schema) -> Schema:
@@ -223,7 +223,7 @@ def _without_signs(branch: Schema, bound: float, *, exclusive: bool) -> Schema:
 
 
 def _quantities(schema: Any) -> Iterator[str]:
-    """Yield the descriptions of the quantities in a schema, but not in those that it refers to."""
+    """Yield the descriptions of the quantities in a schema, but not in the schemas that it refers to."""
     if isinstance(schema, list):
         for subschema in schema:
             yield from _quantities(subschema)

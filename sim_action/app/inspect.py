@@ -343,7 +343,8 @@ def inspect_model(robot: Robot, workspace: Workspace) -> Inspection:
     needs = tuple(sorted({finding.rule for finding in model.findings if finding.level == "error"}))
     robot = robot.model_copy(update={"allow": needs, "base": robot.base or _base(model)})
     start = Scene(robot, model, World(), Physics(), workspace).joint_positions
-    box, drive = robot_box(model, link_poses(model, start)), recognise(model)
+    box = robot_box(model, link_poses(model, start))
+    drive = recognise(model)
     wheels = tuple(map(_wheel_entry, wheels_on_ground(model)))
     return Inspection(
         name=model.name,

@@ -75,7 +75,7 @@ Scenarios = OneScenario | Iterable[OneScenario]
 Backend = EngineOrAll
 
 _CALL: Final = Location("sim_action")
-"""The place of a problem with a path: that of a file which does not exist is the call."""
+"""The place of a problem with a path, such as a file that does not exist: the call."""
 
 _MAX_REPEATS: Final = 1000
 _Answer = TypeVar("_Answer")
@@ -213,7 +213,8 @@ def run(
         ("allow_scripts", allow_scripts, get_args(AllowScripts)),
     ):
         _refuse_others(argument, value, allowed)
-    seed, jobs = _whole("seed", seed), _jobs(jobs)
+    seed = _whole("seed", seed)
+    jobs = _jobs(jobs)
     repeat = _whole("repeat", repeat) or 0
     if not 1 <= repeat <= _MAX_REPEATS:
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
@@ -268,7 +269,7 @@ def margins(
 
     Args:
         scenarios: paths and scenarios; one that is not valid has no margins, and the reason.
-        factors: those to vary, such as "friction", "latency=0 s:2 s"; empty: those of `at_least`, else all.
+        factors: factors to vary, such as "friction", "latency=0 s:2 s"; empty: factors of `at_least`, else all.
         at_least: the distances that must be left, such as "friction=20%"; see `ScenarioMargins.is_kept`.
         runs: the largest number of runs for each factor.
         backend: the physics engine for all of them; None: as each scenario says.

@@ -144,7 +144,7 @@ class Outcome:
 
     @property
     def name(self) -> str:
-        """The name of the scenario; that of a variation has its values."""
+        """The name of the scenario; a variation's name has its values."""
         return self.record.name
 
     @property
@@ -229,7 +229,7 @@ class GateOutcome(Outcome):
 
     Attributes:
         statistics: the counts of the runs, and the bounds that they show.
-        runs: the outcomes of its runs, in the order of the samples; those that an early stop skipped are included.
+        runs: the outcomes of its runs, in the order of the samples, including runs that an early stop skipped.
     """
 
     def __init__(
@@ -271,7 +271,7 @@ class GateOutcome(Outcome):
 class Results:
     """The results of a call of `sim_action.run`: a sequence of outcomes in the order of the scenarios.
 
-    A gate is one outcome, and has those of its runs. Results are true if all outcomes are.
+    A gate is one outcome, and has its runs' outcomes. Results are true if all outcomes are.
 
     Attributes:
         record: everything that `results.json` has.
@@ -314,7 +314,7 @@ class Results:
 
     @property
     def runs(self) -> tuple[Outcome, ...]:
-        """The outcomes of all runs: those of scenarios, and of the runs that gates judge."""
+        """The outcomes of all runs, including the runs that gates judge."""
         return tuple(
             run
             for outcome in self.outcomes
@@ -336,7 +336,7 @@ class Results:
     def __getitem__(self, key: SupportsIndex | slice | str) -> Outcome | tuple[Outcome, ...]:
         """Return an outcome by index or by name, or several by a slice. Raise IndexError or KeyError.
 
-        A name may also be that of a run of a gate.
+        The name may also select a run of a gate.
         """
         if not isinstance(key, str):
             return self.outcomes[key]

@@ -225,7 +225,7 @@ class LivePages:
         return Answer(body, "application/json")
 
     def _current_report(self) -> Answer:
-        """Return the report of what has finished; it is made again only if there is more."""
+        """Return the report of the finished runs; it is made again only if there are more."""
         with self._looking:
             self._follower.look()
             while self._follower.has_more:
@@ -278,7 +278,8 @@ def live_beside(folder: Path, port: int) -> Iterator[None]:
 
 def main() -> None:
     """Serve until the standard input ends, which the parent holds open."""
-    folder, port = Path(sys.argv[1]), int(sys.argv[2])
+    folder = Path(sys.argv[1])
+    port = int(sys.argv[2])
     parent_ended = threading.Event()
 
     def wait_for_parent() -> None:

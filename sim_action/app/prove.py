@@ -1,4 +1,4 @@
-"""The use case `prove`: run scenarios, run their mutants, and tell which expectations notice anything."""
+"""The use case `prove`: run scenarios, run their mutants, and report which expectations notice a mutant."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ class _Call:
     def _judged(
         self, groups: Sequence[tuple[Original, Sequence[Mutant]]], name: str = _MUTANTS
     ) -> list[list[judgement.JudgedMutant]]:
-        """Run the mutants of each original, and return those that have ended; `name`: of their folder."""
+        """Run the mutants of each original, and return all that have ended; `name`: the name of their folder."""
         pairs = [(original, mutant) for original, mutants in groups for mutant in mutants]
         outcomes = iter(
             self._outcomes(
@@ -237,7 +237,7 @@ class _Call:
     def _shown(
         self, plan: planning.PlannedMutants, judged_ones: Sequence[judgement.JudgedMutant], unfinished: int
     ) -> ShownScenario:
-        """Return a scenario with its findings, the run without a mutant, and those of its survivors."""
+        """Return a scenario with its findings, the run without a mutant, and the runs of its survivors."""
         return ShownScenario(
             judgement.proven(plan.original, judged_ones, plan.left_out, unfinished),
             _below(plan.original.outcome, _ORIGINALS),

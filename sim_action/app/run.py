@@ -123,7 +123,7 @@ def _keys(request: RunRequest) -> RunKeys:
 
 
 Schedule = Callable[[Runs, Listener, Interruption], Scheduler]
-"""A function that returns the scheduler for runs: the pool of this machine, or that of a cluster."""
+"""A function that returns the scheduler for runs: the pool of this machine, or the scheduler of a cluster."""
 
 
 @contextmanager

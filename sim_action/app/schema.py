@@ -282,7 +282,7 @@ _COMPLETING: Final = (*_OF_A_FILE, "variations")  # the keys that may supply wha
 
 
 def _described(definition: Schema) -> Schema:
-    """With what its docstring says of attributes beside them. All are written; a later version may add to them."""
+    """Return a definition with properties described by its docstring. All are written; later versions may add some."""
     if "properties" not in definition:
         return definition
     described = {name: value for name, value in definition.items() if name not in {"title", "additionalProperties"}}
@@ -303,7 +303,7 @@ def _drive_keys() -> Schema:
 
 
 def _one_of(kinds: Kinds, options: Schema) -> Schema:
-    """A name alone, where it needs nothing more; else a map of the name and what may stand beside it."""
+    """Return the schema of a name alone, if it needs nothing more, or of a map with the name and options."""
     alone = [name for name, kind in kinds.items() if _needs_nothing(kind)]
     specs: Schema = {name: _value(kind) for name, kind in kinds.items()}
     for name in alone:

@@ -52,7 +52,7 @@ class _Watched:
 
 @dataclass(slots=True)
 class _Found:
-    """The results of one scenario file: outcomes, those of gates included, and the gates as they are stated."""
+    """The results of one scenario file: outcomes, including outcomes of gates, and the gates as they are stated."""
 
     outcomes: list[Outcome] = field(default_factory=list)
     gates: list[PlannedGate] = field(default_factory=list)
@@ -63,8 +63,8 @@ def watch_scenarios(
 ) -> ExitCode:
     """Run all scenarios, then the affected ones after each change, until interrupted.
 
-    `patterns` are the paths that were typed; `live_port`: that of `--live`; None: nothing is served. Raises UsageError
-    if the first run cannot start; later runs only print the error.
+    `patterns` are the paths that were typed; `live_port`: the port of `--live`; None: nothing is served. Raises
+    UsageError if the first run cannot start; later runs only print the error.
     """
     with nullcontext() if live_port is None else live_beside(request.reports.folder, live_port):
         watched = _Watched()
@@ -91,7 +91,7 @@ def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], pattern
 
 
 def _without_written(watched: _Watched, before: set[Path]) -> set[Path]:
-    """Return the files that changed during a run, without those that runs write: they changed twice."""
+    """Return the files that changed during a run; files that changed in two runs are no longer watched."""
     now = {path for path in watched.changed() - watched.folders if path.suffix not in (".yml", ".yaml")}
     for path in sorted(now & before):
         note(f"{os.path.relpath(path)} changes in every run and is no longer watched")

@@ -67,7 +67,8 @@ def become_child(files: ChildFiles, progress_descriptor: int) -> None:
 def run_job(job: Job, files: ChildFiles, progress_descriptor: int, *, is_first: bool = True) -> bool:
     """Run the scenario here, and write its outcome. Return True if it ended normally, for others to follow."""
     started = time.perf_counter()
-    writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor, job.loaded.scenario)
+    writer = OutcomeWriter(files.outcome)
+    progress = _Progress(progress_descriptor, job.loaded.scenario)
     if is_first:
         progress.say(BEGUN)
     remove_earlier(job)
@@ -274,7 +275,8 @@ def _seams(mutation: Mutation | None, scene: Scene) -> Seams:
 
 def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progress: _Progress) -> SimulationRun:
     """Return the run, in the process that started it only. Raise RunError, ModelError, InvalidScenario."""
-    born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
+    born = os.getpid()
+    own = {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     guard = guarded(progress.say) if loaded.scenario.runs_user_code else nullcontext()
     try:
         with guard:
@@ -338,7 +340,7 @@ _REFUSALS: Final = frozenset(
     for name in ("EMFILE", "ENFILE", "ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EIO", "EAGAIN", "EACCES", "EPERM")
     if hasattr(errno, name)
 )
-"""The errors by which the system refuses a file or a process, whatever sim-action asks for."""
+"""The errors by which the system refuses a file or a process, regardless of the request."""
 
 _OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
 _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
@@ -470,7 +472,8 @@ def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[Reco
     from sim_action.recording.export.recorded_run import RecordedRun  # a usual run does without it
 
     with suppress(MemoryError):
-        trace, film = footage.trace(), footage.film()
+        trace = footage.trace()
+        film = footage.film()
         if trace is not None and film is not None:
             run = RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())
             yield replace(run, wrenches=footage.wrenches(), actors=footage.actors)

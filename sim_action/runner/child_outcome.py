@@ -51,7 +51,7 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     job = child.job
     mask = Mask.of(os.environ, job.loaded.workspace.pass_env)
     diagnostics, output = split_output(mask.text(child.report.output.decode("utf-8", errors="replace")))
-    # It is written once everything is judged, so whatever happens afterwards changes no verdict.
+    # It is written once everything is judged, so later events change no verdict.
     written = _written(child, mask)
     outcome = written or mask.outcome(without_verdict(job.loaded, _failure(child, ending, output)))
     own = unjudged(job.loaded)

@@ -1,7 +1,7 @@
 """The agreement of engines on a scenario: the differences of their runs at equal times, and their verdicts.
 
-All physics steps are compared, whatever the rate of the stored traces. Limits become expectations of the last outcome
-that has a verdict; differences without a limit become its measurements.
+All physics steps are compared, independent of the rate of the stored traces. Limits become expectations of the last
+outcome that has a verdict; differences without a limit become its measurements.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class _Quantity(NamedTuple):
 
 @dataclass(frozen=True)
 class _Comparison:
-    """A comparison of one run, `last`, with that of another engine."""
+    """A comparison of one run, `last`, with the run of another engine."""
 
     loaded: LoadedScenario
     other: _Run
@@ -241,7 +241,7 @@ def _of_poses(limits: PoseAgreement, place: tuple[str, str], what: str, since: f
 
 
 def _unlimited(asked: Agreement | None, motion: MotionRecord) -> Iterator[_Quantity]:
-    """Yield the quantities that are measured for information: those of the base, or the joints if it is fixed."""
+    """Yield the quantities that are measured for information: of the base, or of the joints if the base is fixed."""
     if motion.bolted:
         kinds = (("rad", "turning"), ("m", "sliding")) if asked is None or not asked.joints else ()
         for unit, kind in kinds:

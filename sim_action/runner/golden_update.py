@@ -24,7 +24,7 @@ Plan = tuple[LoadedScenario, ...] | Refused
 
 
 def refuse_shared_goldens(plans: Iterable[Plan]) -> list[Plan]:
-    """Return plans that record all moments; those that share a golden file are refused, each name once."""
+    """Return plans that record all moments; plans that share a golden file are refused, each name once."""
     checked = [_with_places(plan) for plan in plans]
     writers: dict[Path, list[str]] = defaultdict(list)
     for plan in checked:

@@ -246,7 +246,7 @@ class FactorRequest:
     """A factor that the command line names."""
 
     name: str  # of a row, of one of its factors, or a dotted key
-    bounds: tuple[float, float] | None = None  # its range; None: that of the table
+    bounds: tuple[float, float] | None = None  # its range; None: the range in the table
     # share, distance: what must be left, as a part of the nominal value, or in its unit; None: nothing is demanded
     share: float | None = None
     distance: float | None = None
@@ -327,7 +327,7 @@ def trial(original: Original, factor: Factor, value: float, permissions: Permiss
     """Return the scenario with another value of a factor, or the reason why it is not valid."""
     loaded, scenario = original.loaded, original.scenario
     data = loaded.document.data
-    # Another rate of commands must not change that of the physics.
+    # Another rate of commands must not change the rate of the physics.
     for path, content in ((("physics", "rate"), scenario.physics.rate), *factor.edits(value)):
         data, _ = placed(data, path, content)
     source = replace(loaded.source, document=replace(loaded.document, data=data), gate=None)
@@ -380,7 +380,7 @@ class Side:
     factor: Factor
     end: float  # the end of the range
     asked: float | None  # the distance from the nominal value that is demanded
-    trials: list[Trial] = field(default_factory=list)  # those that have ended, or are not valid
+    trials: list[Trial] = field(default_factory=list)  # the trials that have ended, or are not valid
 
     def scan(self) -> list[float]:
         """Return the values to try first."""
@@ -418,7 +418,8 @@ class Side:
         passed, failed = self.bracket
         if failed is None:
             return None
-        width, value = abs(failed.value - passed), self.factor.fitting((failed.value + passed) / 2)
+        width = abs(failed.value - passed)
+        value = self.factor.fitting((failed.value + passed) / 2)
         is_fine = width <= min(_OF_RANGE * self._distance(self.end), _OF_MARGIN * self._distance(value))
         return None if is_fine or not self._is_new(value) else value
 

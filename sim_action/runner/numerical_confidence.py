@@ -1,6 +1,6 @@
 """The numerical confidence of verdicts: repetitions of a run with half the step, another start and another engine.
 
-Each repetition has one change. Its margin is compared with that of the run itself. What the change leaves open is an
+Each repetition has one change. Its margin is compared with the margin of the run itself. The change leaves open an
 interval around the margin: a verdict whose interval contains the limit is inconclusive, as is one that a repetition
 judges otherwise. The error of a method of first order halves with the step, so the whole error is twice the difference
 to half the step. With a quarter of the step, Richardson's extrapolation replaces this assumption.
@@ -32,7 +32,7 @@ _TURN: Final = math.radians(1)
 _SHIFT_M: Final = 1e-3 / math.sqrt(2)
 _FIRST_ORDER: Final = 2.0
 _ROUNDING: Final = 1e-9  # differences below this share of the greatest value are rounding
-_LEAST_RATIO: Final = 2**0.25  # the least ratio of two differences that shows a convergence: that of an order of 1/4
+_LEAST_RATIO: Final = 2**0.25  # the least ratio of two differences that shows a convergence: for an order of 1/4
 # Motions diverge if they differ by this share of their range; smaller ranges in m or rad count as this one.
 _DIVERGENT: Final = 0.5
 _LEAST_RANGE: Final = 0.1
@@ -47,7 +47,7 @@ class _Cause:
     rate: int = 1  # the factor of the rate of the physics
     # key of the start of the robot -> the amount that is added
     moved: Mapping[str, float] = field(default_factory=dict)
-    engine: str | None = None  # None: that of the run
+    engine: str | None = None  # None: the engine of the run
 
     def changed(self, scenario: Scenario) -> Scenario:
         """Return a scenario with the change."""
@@ -157,7 +157,8 @@ def _parted(ours: Trace, theirs: Trace) -> tuple[float, str, float] | None:
 
 def _motion(trace: Trace) -> Iterator[tuple[str, FloatArray]]:
     """Yield the quantities of a motion, (T, N) each: position and heading seen from the start, and the joints."""
-    heading, moved = trace.yaw[0], trace.base_position_xyz - trace.base_position_xyz[0]
+    heading = trace.yaw[0]
+    moved = trace.base_position_xyz - trace.base_position_xyz[0]
     cosine, sine = np.cos(heading), np.sin(heading)
     yield "the position", moved @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     yield "the heading", np.unwrap(trace.yaw)[:, None] - heading
@@ -259,7 +260,7 @@ class _Compared:
         pair = _pair(map(_values, verdicts)) if len({run_verdict.unit for run_verdict in verdicts}) == 1 else None
         times = _pair(_time_left(run_verdict, end) for run_verdict in verdicts)
         has_extremes = pair is not None and all(run_verdict.extreme is not None for run_verdict in verdicts)
-        # The moments of decision are compared if their interval is wider than that of the extreme margins.
+        # The moments of decision are compared if their interval is wider than the interval of the extreme margins.
         self.is_by_time = times is not None and not (has_extremes and _openness(pair) > _openness(times))
         self.unit = "s" if self.is_by_time else verdict.unit
         # The measured value and the margin of the run and of the repetition; None: they are not comparable.

@@ -55,7 +55,7 @@ class ObservedInputs:
 
     @property
     def files(self) -> tuple[str, ...] | None:
-        """The paths of all files and folders, apart from those of Python and of sim-action; None: it is not limited."""
+        """The paths of all files and folders, except files of Python and sim-action; None: it is not limited."""
         return tuple(self._files) if self.is_limited else None
 
     def encoded(self) -> bytes:

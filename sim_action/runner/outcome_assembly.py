@@ -1,4 +1,4 @@
-"""The final outcomes of a call: those of scenarios that cannot run, and those of runs that have ended.
+"""The final outcomes of a call: of scenarios that cannot run, and of runs that have ended.
 
 Most outcomes are final when their run has ended. With `--repeat` an outcome combines several runs. With several engines
 the outcomes of one scenario are compared.
@@ -50,7 +50,7 @@ class _Scenario:
     place: int  # the index of its first outcome in the results
     indices: tuple[int, ...]  # the indices of these runs among all runs
     turns: int  # the number of runs for each of them, with all repetitions
-    changes: tuple[str, ...]  # those of the repetitions of each of them that show its confidence
+    changes: tuple[str, ...]  # the changes of the repetitions that show the confidence of each run
 
     @property
     def places(self) -> range:
@@ -110,7 +110,7 @@ class OutcomeAssembly:
         self._count = place
 
     def begin(self, of_patterns: Sequence[Outcome]) -> None:
-        """Report the outcomes that need no run; `of_patterns`: those of patterns that match no scenario."""
+        """Report the outcomes that need no run; `of_patterns`: outcomes of patterns that match no scenario."""
         for place, refused in self._refused.items():
             self._emit(Finished(place, Outcome.of_refused(refused)))
         for place, outcome in enumerate(of_patterns, start=self._count):
@@ -144,7 +144,7 @@ class OutcomeAssembly:
         return self._scenarios[place].is_compared
 
     def take_over(self, records: Iterable[Record]) -> None:
-        """Report outcomes of an earlier call: final ones, and those of single repetitions."""
+        """Report outcomes of an earlier call: final ones, and outcomes of single repetitions."""
         for record in records:
             assert record.place is not None
             assert record.outcome is not None
@@ -161,7 +161,7 @@ class OutcomeAssembly:
         return final | {(place, turn) for place, turns in self._ended.items() for turn in turns}
 
     def end(self, outcomes: Sequence[Outcome]) -> None:
-        """Report the outcomes of scenarios with runs that did not take place; `outcomes`: those of all runs."""
+        """Report the outcomes of scenarios with runs that did not take place; `outcomes`: of all runs."""
         for index, outcome in enumerate(outcomes):
             turn, run = divmod(index, len(self.places))
             place, turn = self.places[run], turn + self.first_turns[run] + 1
@@ -182,7 +182,7 @@ class OutcomeAssembly:
     def _key(self, place: int) -> str | None:
         keys = self._keys[place]
         if self._scenarios[place].changes:
-            # That of the run itself says how it is repeated.
+            # The key of the run itself says how it is repeated.
             return None if None in keys.values() else keys[1]
         first, *others = set(keys.values())
         return None if others else first

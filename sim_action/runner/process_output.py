@@ -102,7 +102,8 @@ def muted() -> Iterator[None]:
 def split_output(text: str) -> tuple[tuple[Diagnostic, ...], str]:
     """Return the messages of engines, each once, and the rest of the output."""
     pieces = _MARKER.split(_BANNER.sub("", text))
-    rest, diagnostics = [pieces[0]], dict[Diagnostic, None]()
+    rest = [pieces[0]]
+    diagnostics = dict[Diagnostic, None]()
     for bullets, mujocos, body in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
         # A message ends with its line; the following text is other output.
         message, _, after = body.partition("\n")

@@ -2,7 +2,7 @@
 
 A key is a digest of everything that an outcome may depend on: the files of the workspace as git sees them, the files
 that the scenario names, the scenario, options, installed software, and the environment of user code. A run has no key
-if a part is not known: without git, nobody knows what the code of a scenario may read.
+if a part is not known: without git, it is unknown what the code of a scenario may read.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ class RunKeys:
     def __init__(self, scenario_files: Iterable[Path], options: RunOptions, outputs: Collection[Path]) -> None:
         """Start.
 
-        `scenario_files`: the files of the call; `options`: those of the call; `outputs`: the output folder, and files
-        that reports are written to; they do not count.
+        `scenario_files`, `options`: files and options of the call; `outputs`: the output folder, and files that reports
+        are written to; they do not count.
         """
         files = list(scenario_files)
         self._digests = FileDigests(beginning_ns(files))
@@ -152,7 +152,8 @@ class RunKeys:
         return tree if isinstance(tree, str) else None
 
     def _knows(self, loaded: LoadedScenario, name: str) -> bool:
-        tree, path = self._tree(loaded.workspace.root), Path(os.path.realpath(name))
+        tree = self._tree(loaded.workspace.root)
+        path = Path(os.path.realpath(name))
         return _is_in(path, tree) or path in self._named.of(loaded.source)
 
     def _tree(self, root: Path) -> GitTree | str:
@@ -432,7 +433,7 @@ class _Search:
         if None in keys and (reason := self.keys.unknown(runs[0])):
             self.reasons.append(f"verdicts of user code are not taken over: {reason}")
         finals = [self._final(place, key) for place, key in zip(places, keys, strict=True)]
-        # The outcome of one engine may tell of the others.
+        # The outcome of one engine may report on the others.
         if all(finals):
             yield from filter(None, finals)
             for place, final in zip(places, finals, strict=True):

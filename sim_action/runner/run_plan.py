@@ -1,6 +1,6 @@
 """The plan of a call: the scenarios of this shard, the engines of each, and the scenarios that cannot run.
 
-`Runs` are the runs that follow from it; a `Scheduler` runs them, and `EarlyStop` knows those that no gate needs.
+`Runs` are the runs that follow from it; a `Scheduler` runs them, and `EarlyStop` knows the runs that no gate needs.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     empty = request.suite.empty if contents.files else ()
     planner = _Planner(request)
     every = [scenario for several in contents.files.values() for scenario in several]
-    # All shards select alike. Numbers are those of a shard of `matrix`.
+    # All shards select alike. Numbers select a shard of `matrix`.
     if not request.suite.numbers:
         every = _with_whole_gates(every, request.suite.warn)
     scenarios = scenarios_of(every)
@@ -340,7 +340,7 @@ class Scheduler(ABC):
     def outcomes(self, meanwhile: Callable[[], object] = lambda: None) -> list[Outcome]:
         """Run all runs, and return one outcome each, in their order. Raise UsageError.
 
-        An interruption ends those that are running. Runs without an outcome then get one that says so. `meanwhile` is
+        An interruption ends the runs in progress. Runs without an outcome then get one that says so. `meanwhile` is
         called once the first have started, when this process only waits.
         """
         self._run(meanwhile)

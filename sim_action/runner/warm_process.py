@@ -1,4 +1,4 @@
-"""A process beside this one that has imported what a call needs, has one thread, and is forked for each call.
+"""A separate process that has imported what a call needs, has one thread, and is forked for each call.
 
 Programs that embed sim-action may have threads, large memories and settings of their own. A fork of such a process is
 not safe, and a fresh interpreter for each scenario takes most of a second. So a call runs in a fork of the warm
@@ -120,7 +120,8 @@ class WarmProcess:
         end first. Raise InternalError if the call ends without an answer.
         """
         answer: _Returned | _Raised | None = None
-        folder, environment = os.getcwd(), dict(os.environ)  # noqa: PTH109 - a text
+        folder = os.getcwd()  # noqa: PTH109 - a text
+        environment = dict(os.environ)
         try:
             call = _Call(function, arguments, prepare, folder, environment, _umask(), sys.path, self._modules)
             self._connection.send(call)
@@ -180,7 +181,7 @@ def _umask() -> int:
 
 
 class _Pool:
-    """The warm processes of this process: those that wait for a call, and those that run one."""
+    """The warm processes of this process, which wait for a call or run one."""
 
     def __init__(self) -> None:
         self._waiting: list[WarmProcess] = []
@@ -206,7 +207,7 @@ class _Pool:
                     self._waiting.append(process)
 
     def _popped(self) -> Iterator[WarmProcess]:
-        """Yield the processes, and remove them from the list; close those that have ended."""
+        """Yield the processes, and remove them from the list; close processes that have ended."""
         while self._waiting:
             process = self._waiting.pop()
             if process.is_open:
@@ -254,11 +255,11 @@ def main() -> NoReturn:
             call = connection.recv()
             with muted():
                 for name in call.modules:
-                    # What is missing is an error of the call that needs it.
+                    # A missing module is an error of the call that needs it.
                     with suppress(ImportError, OSError):
                         importlib.import_module(name)
             if call.prepare is not None:
-                # The call does what is left, or says why it cannot.
+                # The call prepares the rest, or reports why it cannot.
                 with suppress(ImportError, OSError, MemoryError):
                     call.prepare(*call.arguments)
             gc.freeze()

@@ -43,7 +43,7 @@ _LONGEST_S: Final = 3.0
 
 _SHORTEST_S: Final = 0.3  # the time that is not worth another start, even if a worker then waits for others at the end
 _MOST_RUNS: Final = 16
-_PARTS: Final = 2  # a batch is at most this part of what is left for each thread: the workers end at the same time
+_PARTS: Final = 2  # a batch has at most 1 / _PARTS of the runs left for each thread: the workers end together
 
 
 class Batches:
@@ -74,7 +74,7 @@ class Batches:
         return None if index in self._alone else self._kinds[index]
 
     def took(self, seconds: Sequence[float]) -> None:
-        """Take the times of the runs of a batch, which tell how long others will be."""
+        """Take the times of the runs of a batch, to estimate the times of others."""
         self._seconds = max(1e-3, sum(seconds) / len(seconds))
 
     def put_back(self, indices: Sequence[int]) -> None:
@@ -106,7 +106,7 @@ _MOST_TIMES_AGAIN: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class _Submitted:
-    """A task of Dask: the indices of its runs, and those of them that have begun."""
+    """A task of Dask, with the indices of its runs and of the runs that have begun."""
 
     indices: tuple[int, ...]
     future: Future[Reply]
@@ -211,7 +211,7 @@ class ClusterRuns(Scheduler):
 
     def _tell(self, message: _Answer | Report) -> None:
         self._answers.put(message)
-        # It is full: the other thread wakes anyway. It is closed: nobody waits any more.
+        # It is full: the other thread wakes anyway. It is closed: no thread waits any more.
         with suppress(OSError):
             self._waker.send(b"\0")
 
@@ -357,7 +357,7 @@ class ClusterRuns(Scheduler):
 
 
 def _killed(workers: Sequence[str]) -> str:
-    """Return the cause of an error; `workers`: the addresses of those that died while they ran a scenario."""
+    """Return the cause of an error; `workers`: the addresses of the workers that died while they ran a scenario."""
     *_, last = workers
     return (
         f"{counted(len(workers), 'worker')} died while running this scenario, the last one at {last}; it may need more "
@@ -374,7 +374,7 @@ _LOCAL_SETTINGS: Final = {
     "distributed.deploy.lost-worker-timeout": "7d",
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,
-    # Nobody looks at what Dask would measure many times a second.
+    # Nothing uses these measurements, which Dask would take many times a second.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.system-monitor.gil.enabled": False,
@@ -453,7 +453,8 @@ def _archives(
     scenarios: Sequence[LoadedScenario], permissions: Permissions, outputs: Collection[Path]
 ) -> Mapping[Path, Archive]:
     """Return the archives of the workspaces, and of packages outside of them, by their folders. Raise UsageError."""
-    current_folder, finder = Path.cwd(), NamedFiles()
+    current_folder = Path.cwd()
+    finder = NamedFiles()
     named: dict[Path, set[Path]] = {}
     for loaded in scenarios:
         named.setdefault(loaded.workspace.root, set()).update(finder.of(loaded.source))
@@ -503,7 +504,8 @@ class DaskExecutor:
 
     def scheduler(self, runs: Runs, emit: Listener, interruption: Interruption) -> ClusterRuns:
         """Return what runs these runs on the workers. No run has a key: it depends on another machine."""
-        output, current_folder = Output(runs.replays, tuple(runs.formats), runs.repeat), Path.cwd()
+        output = Output(runs.replays, tuple(runs.formats), runs.repeat)
+        current_folder = Path.cwd()
 
         def task(indices: Sequence[int]) -> Task:
             several = [runs.loaded(index) for index in indices]

@@ -39,7 +39,7 @@ class Report:
     """The progress of a task, which is sent as a tuple of its attributes."""
 
     task: str  # the key of the task at Dask
-    index: int  # that of the run among all runs of the call
+    index: int  # the run's index among all runs of the call
     worker: str  # its address
     progress: tuple[float, float] | None  # the sim time and the real time factor of the run; None: the run begins
 

@@ -1,4 +1,4 @@
-"""Runs as data: what a worker needs for them, and what comes back. A worker runs them beside itself."""
+"""Runs as data: what a worker needs for them, and what comes back. A worker runs them in other processes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _DIGITS: Final = 12
 
 @dataclass(frozen=True, slots=True)
 class Software:
-    """The versions that must be equal on the caller's machine and on all workers, and those that should be."""
+    """The versions that must or should be equal on the caller's machine and on all workers."""
 
     sim_action: str
     source: str  # a digest of sim-action's own files
@@ -82,7 +82,7 @@ def software(engines: tuple[str, ...]) -> Software:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """The files that runs write; the attributes are those of `Runs`."""
+    """The files that runs write; the attributes are as in `Runs`."""
 
     replays: bool
     formats: tuple[str, ...]
@@ -122,7 +122,7 @@ class Task:
     working_folder: Path  # the current folder of the caller
     copied: tuple[Copied, ...]  # the workspace, and the folders of packages outside of it
     output: Output
-    software: Software  # that of the caller
+    software: Software  # on the caller's machine
 
     def moved(self, path: Path, copies: Path) -> Path:
         """Return the path of a file of the caller on the worker."""
@@ -173,7 +173,7 @@ class Result:
 def run_task(
     task: Task, copies: Path, libraries: Libraries, scratch: Path, listen: Callable[[Event], None]
 ) -> tuple[Result, ...]:
-    """Run a task beside this process and return the results. Raise InvalidScenario, SimActionError, OSError.
+    """Run a task in other processes and return the results. Raise InvalidScenario, SimActionError, OSError.
 
     Args:
         task: the task.

@@ -1,6 +1,6 @@
 """A workspace on its way to a worker: an archive of its files, named by a digest of them, and its copy there.
 
-An archive has the files that git sees, and those that scenarios name; without git, all files of the folder.
+An archive has the files that git sees, and files that scenarios name; without git, all files of the folder.
 """
 
 from __future__ import annotations
@@ -105,7 +105,8 @@ def unpack(archive: Archive, copies: Path) -> None:
 
 def _member(path: Path, name: str, root: Path) -> tuple[tarfile.TarInfo, bytes]:
     """Return the entry of a file or a link. Raise OSError; FileNotFoundError for anything else."""
-    member, status = tarfile.TarInfo(name), path.lstat()
+    member = tarfile.TarInfo(name)
+    status = path.lstat()
     member.mode = stat.S_IMODE(status.st_mode)
     if stat.S_ISLNK(status.st_mode):
         member.type, member.linkname = tarfile.SYMTYPE, _link(path, root)

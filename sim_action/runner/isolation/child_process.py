@@ -291,7 +291,7 @@ def _free_tasks() -> float:
     return limit - _tasks_of(os.getuid())
 
 
-# With so many left for all users together, those of this user need not be counted: reading /proc takes time.
+# With so many left for all users together, this user's tasks need not be counted: reading /proc takes time.
 _MANY_TASKS: Final = 2048
 
 

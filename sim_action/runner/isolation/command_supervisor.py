@@ -2,7 +2,7 @@
 
 Usage: `python -m sim_action.runner.isolation.command_supervisor WORDS`.
 
-SIGTERM, or the end of its parent process, ends everything at once. Its exit code is that of the command.
+SIGTERM, or the end of its parent process, ends everything at once. It exits with the exit code of the command.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ runs, it is a `supervisor` whose child runs the scenario: forks of one process w
 
 Many runs without user code share a child process, one after the other. A fork for each of many variations would take
 longer than a short run: the kernel copies pages, and the engine makes its memory again. A shared child process inherits
-all jobs, and its parent sends the index of the next one. Results are those of child processes of their own: the parent
-reads an outcome only if its run ended normally. If it did not (an error that memory, files or the process may have
+all jobs, and its parent sends the index of the next one. Results are as in separate child processes: the parent reads
+an outcome only if its run ended normally. If it did not (an error that memory, files or the process may have
 caused, a crash, a hang, a limit), the child process ends. The run is then doubtful, unless it was the first one in its
 process: it has to run again, in a child process of its own.
 """
@@ -197,7 +197,7 @@ class LinuxChild(child_process.ChildProcess):
     @classmethod
     @override
     def start(cls, job: Job, spawn: Spawn | None = None) -> Self:
-        """Fork, or start an interpreter for user code, repeats, or beside threads; `spawn`: for it. Raises OSError."""
+        """Fork, or `spawn` an interpreter for user code, for repeats, or if there are other threads. Raises OSError."""
         former = child_process.former_files(job)
         with files_of_child() as (scratch, files), ExitStack() as undone:
             reader, writer = os.pipe()
@@ -505,7 +505,8 @@ class SharingStarter(child_process.Starter):
         # Few calls have scenarios with user code.
         from sim_action.runner.isolation.preloaded_interpreter import PreloadedInterpreter
 
-        environment, engine = child_process.job_environment(job), chosen(job.loaded.scenario.backend)
+        environment = child_process.job_environment(job)
+        engine = chosen(job.loaded.scenario.backend)
         kind = (frozenset(environment.items()), engine)
         if kind not in self._interpreters and len(self._interpreters) >= _MOST_INTERPRETERS:
             return _spawn(job, files, writer)

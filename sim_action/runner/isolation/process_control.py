@@ -27,7 +27,7 @@ def prctl(option: int, value: int) -> None:
 
 
 def end_with_parent(parent: int, number: signal.Signals) -> None:
-    """Let this process get a signal when its parent ends, in whatever way; at once if it has ended already."""
+    """Let this process get a signal when its parent ends, in any way; at once if it has ended already."""
     prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:
         os.kill(os.getpid(), number)
@@ -62,7 +62,7 @@ def keep_freed_memory() -> None:
 
 
 class Process(NamedTuple):
-    """A process: its number, the number of its parent, and that of its session."""
+    """The numbers of a process, its parent and its session."""
 
     number: int
     parent: int
@@ -70,7 +70,7 @@ class Process(NamedTuple):
 
 
 def processes() -> Iterator[Process]:
-    """Yield all visible processes, also those that have ended and are not reaped yet."""
+    """Yield all visible processes, also processes that have ended and are not reaped yet."""
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():
             try:

@@ -202,12 +202,12 @@ LEAST_DISTANCE_M: Final = 0.1
 LEAST_ANGLE: Final = math.radians(5)
 """The smallest changes that count: of the base in m and in rad, and of the joints of a base that stays, in rad or m."""
 
-_DIGITS: Final = 6  # rounding must not decide which of two equal changes is told
+_DIGITS: Final = 6  # rounding must not decide which of two equal changes is reported
 
 
 def path_change(original: Trace, mutant: Trace, sliding: Collection[str] = ()) -> PathChange | None:
     """Return the greatest change of the motion, if large enough; `sliding`: joints with positions in m."""
-    # The rows of both traces at equal times, and at last those of both ends.
+    # The rows of both traces at equal times, and then the last row of each.
     ends = min(original.time[-1], mutant.time[-1]) + TIME_EPSILON_S
     ours = np.flatnonzero(original.time <= ends)
     theirs = np.searchsorted(mutant.time, original.time[ours] + TIME_EPSILON_S, side="right") - 1

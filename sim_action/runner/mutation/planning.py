@@ -50,7 +50,7 @@ def first_runs(plans: Iterable[Plan]) -> Iterator[LoadedScenario | Refused]:
             if (key := (source.path, source.group)) in seen:
                 continue
             seen.add(key)
-        # Its motion is not compared with that of another engine.
+        # Its motion is not compared with the motion in another engine.
         yield replace(plan[0], compared=False)
 
 
@@ -82,7 +82,7 @@ def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[P
 
 
 def _chosen(mutant: Mutant, only: Collection[str]) -> Iterator[Mutant]:
-    """Yield a mutant with all its strengths, or those of its strengths alone that are named."""
+    """Yield a mutant with all its strengths, or each of its named strengths alone."""
     if not only or mutant.kind in only:
         yield mutant
     else:
@@ -131,7 +131,7 @@ NOISES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 """The noise that a sensor without any gets, in the unit of each key."""
 
 MOST_MOTORS: Final = 4
-"""The number of motors that have a mutant: those whose joints moved most, then those that bore most."""
+"""The number of motors that have a mutant: first by the motion of their joints, then by their effort."""
 
 # In rad and N m, or m and N if prismatic: a joint that moved less and bore less has no mutant.
 _LEAST_MOTION: Final = 0.01
@@ -209,7 +209,7 @@ def _motors_off(original: Original) -> Iterator[Mutant]:
 
 
 def busy_joints(original: Original) -> list[str]:
-    """Return the joints whose motors have work to do: first wheels of the drive, then those that move, then others."""
+    """Return the joints whose motors have work to do: first wheels of the drive, then joints that move, then others."""
     loaded, trace = original.loaded, original.trace
     ways = np.abs(np.diff(trace.joint_position, axis=0)).sum(axis=0).tolist()
     efforts = np.abs(trace.joint_effort).max(axis=0, initial=0.0).tolist()
@@ -263,7 +263,7 @@ def _noisy(original: Original) -> Iterator[Mutant]:
 
 
 def noise_of(sensor: Sensor) -> tuple[dict[str, float], bool]:
-    """Return the keys of a sensor for its noise with their values, and True; or those that it gets if it has none."""
+    """Return the keys of a sensor's noise with their values, and True; without noise, keys that it gets, and False."""
     keys = NOISES.get(sensor.key, {key: 0.0 for key in type(sensor).model_fields if key.endswith("noise")})
     stated = {key: value for key in keys if isinstance(value := getattr(sensor, key), float) and value}
     return stated or {key: value for key, value in keys.items() if value}, bool(stated)

@@ -88,20 +88,21 @@ class Search:
 
     @property
     def pair(self) -> tuple[LoadedScenario, LoadedScenario]:
-        """The original run and that of the mutant, with the next candidate alone."""
+        """The original run and the mutant's run, with the next candidate alone."""
         return self.offer.alone(self.places[0], self.offer.loaded), self.offer.alone(self.places[0], self.mutant)
 
     def decide(self, original: Outcome, mutant: Outcome) -> None:
         """Take the outcomes of the pair."""
         place = self.places.pop(0)
         if self.offer.noticing(original, mutant):
-            self.suggestion, self.places = self.offer.text(place), []
+            self.suggestion = self.offer.text(place)
+            self.places = []
 
 
 def candidates(
     original: Original, permissions: Permissions, libraries: Libraries, joints: Collection[str] = ()
 ) -> Candidates | None:
-    """Return the candidates that are valid in the scenario, if any; `joints`: those that moved most differently."""
+    """Return the candidates that are valid in the scenario, if any; `joints`: joints that moved most differently."""
     entries = list(_entries(original, joints))
     for kept in (entries, [entry for entry in entries if _with(original, [entry], permissions, libraries) is not None]):
         if kept and (loaded := _with(original, kept, permissions, libraries)) is not None:
@@ -179,7 +180,7 @@ def _before(original: Original, away: FloatArray, tolerance: float) -> float:
 
 
 def _of_joints(original: Original, changed: Collection[str]) -> Iterator[Entry]:
-    """Yield where joints were, where they came to, and how fast they were: those that moved most, and changed ones."""
+    """Yield entries for ranges, last positions and speeds of the joints that moved most, and of changed ones."""
     names, velocities = original.trace.joint_names, original.trace.joint_velocity
     positions = original.trace.joint_position
     ways = np.ptp(positions, axis=0).round(_DIGITS).tolist()

@@ -67,9 +67,11 @@ def moved(original: Original) -> Iterator[Mutant]:
     for body in _near_way(original):
         if body.shape not in _MOVABLE or body.path:
             continue
-        at, where = _moved_place(original, body), "nearer to the robot's way"
+        at = _moved_place(original, body)
+        where = "nearer to the robot's way"
         if at is None and original.is_fixed:
-            at, where = _farther_place(original, body), "farther from the robot"
+            at = _farther_place(original, body)
+            where = "farther from the robot"
         if at is None:
             continue
         shift = math.dist(at, (body.pose.x, body.pose.y))
@@ -103,7 +105,8 @@ def _boxed(original: Original) -> Iterator[Mutant]:
     if original.moving_link is None:
         return
     link, way = original.moving_link
-    away, moved = np.linalg.norm(way - way[0], axis=1), lengths(way)
+    away = np.linalg.norm(way - way[0], axis=1)
+    moved = lengths(way)
     index = int(np.searchsorted(moved, _WALL_AT * moved[int(np.argmax(away))]))
     if away[index] < _LEAST_TO_BOX_M:
         return
@@ -229,7 +232,8 @@ def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float
 def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
     """Return the place of an object moved by its size towards the way, not beyond it or into the robot; else None."""
     parts = parts_of(original, body)
-    at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.moving_xy[0].tolist()
+    at = np.array((body.pose.x, body.pose.y))
+    start_x, start_y = original.moving_xy[0].tolist()
     index, distance = _nearest(original, body)
     if distance == 0:
         return None
