@@ -49,7 +49,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem to fix: its place, and a message that says what was found, what is allowed and what to do."""
+    """One problem to fix: its place, and a message that states the problem, the allowed values and the remedy."""
 
     location: Location
     message: str
@@ -81,7 +81,7 @@ class ExitCode(IntEnum):
 
         Args:
             parts: the exit codes of its scenarios, files and reports.
-            is_interrupted: the command was interrupted, whatever its parts say.
+            is_interrupted: the command was interrupted; its parts do not count.
             has_scenarios: False if it found none and has no parts: the code is 5.
             has_failed: the command fails for a reason that no part has.
         """
@@ -164,7 +164,7 @@ def is_refusal(error: Exception) -> bool:
     return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in _REFUSALS)
 
 
-# Those that Windows lacks are absent there.
+# Windows lacks some of these names.
 _REFUSALS: Final = {
     getattr(errno, name, None)
     for name in ("EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EDQUOT", "EAGAIN", "EIO", "EROFS", "ENOBUFS")
@@ -299,7 +299,7 @@ class ScriptError(RunError):
 
     Attributes:
         details: the last output, or the traceback.
-        source: the index of its command among those of its robot; None: it is not a command source.
+        source: the index of its command among the commands of its robot; None: it is not a command source.
         actor: the index of its robot among `world.actors`; None: the robot under test.
         time: the sim time of the call in s; None: before the run.
     """

@@ -119,7 +119,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Written(Quantity):
-    """An annotation for a quantity that keeps its written form: only the robot model can tell its dimension."""
+    """An annotation for a quantity that keeps its written form: only the robot model determines its dimension."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return self._with_unit({"type": "number"})
@@ -164,7 +164,7 @@ def is_plain_name(name: str) -> bool:
 
 
 def is_title(name: str) -> bool:
-    """Return True if the name can be that of a scenario: one line, and no command of a workflow."""
+    """Return True if a scenario can have the name: one line, and no command of a workflow."""
     return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_TITLES)
 
 
@@ -294,7 +294,8 @@ def bound_text(value: float, unit: str) -> str:
 
 def bounds_text(annotation: Any, metadata: Iterable[Any]) -> str:
     """Return both bounds of a field, such as "at most 170 deg" or "1 to 1920"; a lower bound of 0 is left out."""
-    unit, constraints = unit_of(annotation, metadata), [*metadata, *_of_optional(annotation)]
+    unit = unit_of(annotation, metadata)
+    constraints = [*metadata, *_of_optional(annotation)]
     lower = next((item for item in constraints if isinstance(item, Gt | Ge) and _value(item)), None)
     upper = next((item for item in constraints if isinstance(item, Lt | Le)), None)
     if upper is None:
@@ -340,7 +341,7 @@ def _of_optional(annotation: Any) -> Iterator[Any]:
 
 
 def _all_in(annotation: Any) -> Iterator[Any]:
-    """Yield all annotations in a type, such as those of list items; the fields of nested models are left out."""
+    """Yield all annotations in a type, such as of list items; the fields of nested models are left out."""
     yield from _said_of(annotation)
     for part in get_args(annotation):
         if not (isinstance(part, type) and issubclass(part, BaseModel)):
@@ -412,7 +413,7 @@ def _of_likely_members(
 
 
 def _place(data: Any, steps: tuple[str | int, ...]) -> tuple[tuple[str | int, ...], tuple[str | int, ...] | None]:
-    """Return the path of a finding in the file, and that of the union in which it is; None if it is in no union."""
+    """Return the path of a finding in the file, and the path of the union around it; None if it is in no union."""
     path: list[str | int] = []
     union: tuple[str | int, ...] | None = None
     for step in steps:

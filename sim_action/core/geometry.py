@@ -77,7 +77,7 @@ def rpy_from_quaternion(rotation: Quaternion) -> Vector3:
     forward = rotate(rotation, (1.0, 0.0, 0.0))
     pitch = math.atan2(-forward[2], math.hypot(forward[0], forward[1]))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    # What is left when yaw and pitch are turned back is the roll, however badly the two were to be told apart.
+    # Turning yaw and pitch back leaves the roll, even near a pitch of 90 deg, where yaw and roll are hard to separate.
     rx, _, _, rw = multiply(conjugate(quaternion_from_rpy(0.0, pitch, yaw)), rotation)
     return (math.remainder(2 * math.atan2(rx, rw), 2 * math.pi), pitch, yaw)
 

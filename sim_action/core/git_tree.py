@@ -60,7 +60,7 @@ class FileDigests:
         return self.of_found(path, status)
 
     def of_found(self, path: Path, status: os.stat_result, algorithm: str = "sha256") -> str | None:
-        """Return the digest of a file or link; `name`: that of git, by `algorithm`; None if it cannot be read."""
+        """Return the digest of a file or link with git's object name by `algorithm`; None if it cannot be read."""
         if _changed_ns(status) >= self._oldest_change_ns:
             return None
         try:
@@ -82,7 +82,8 @@ class FileDigests:
 
 def beginning_ns(paths: Iterable[Path]) -> int:
     """Return the present time for `FileDigests`; wait a tick if a file, or its folder, has just been changed."""
-    now_ns, changes_ns = time.time_ns(), [0]
+    now_ns = time.time_ns()
+    changes_ns = [0]
     for path in {place for file in paths for place in (file, file.parent)}:
         with suppress(OSError, ValueError):  # a NUL in a name
             changes_ns.append(_changed_ns(path.lstat()))
@@ -196,7 +197,8 @@ class GitListing:
         """Return the files; untracked ones in or at the paths `excluded` do not count. Raise GitError."""
         without = tuple(path.relative_to(self.root).as_posix() for path in excluded if path.is_relative_to(self.root))
         contents: dict[str, str] = {}
-        waiting, count = [(self, PurePosixPath())], 0
+        waiting = [(self, PurePosixPath())]
+        count = 0
         while waiting:
             listing, place = waiting.pop()
             count += 1
@@ -240,7 +242,8 @@ def repositories_around(path: Path) -> list[Path]:
 def is_tracked(root: Path, path: Path) -> bool:
     """Return True if the index names a file, under any spelling. Raise GitError."""
     listing = GitListing(root, words=("ls-files", "-z", "--stage"))
-    path_status, name = _status(path), path.name.casefold()
+    path_status = _status(path)
+    name = path.name.casefold()
     inside = {folder for folder in Path(os.path.realpath(path)).parents if not (folder / ".git").exists()}
     for entry in listing.output().split(b"\0")[:-1]:
         mode, _, tracked = entry.partition(b" ")
@@ -296,7 +299,7 @@ class _Reader:
             if not self._is_excluded(name.rstrip("/")):
                 yield name.rstrip("/"), None
             return
-        # Python writes bytecode while scenarios run; it is that of the files next to it.
+        # Python writes bytecode while scenarios run; it comes from the files next to it.
         if self._is_excluded(name) or "__pycache__/" in name:
             return
         status = _status(self._root / name)

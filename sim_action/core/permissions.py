@@ -112,7 +112,8 @@ def package_folders(named: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
             place = Path(folder).resolve() if folder else None
             is_folder = place is not None and place.is_dir()
         except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
-            place, is_folder = Path(folder), False
+            place = Path(folder)
+            is_folder = False
         if place is None or not is_folder or not name.isprintable() or "/" in name:
             where = f"looked for {place}" if folder else "it is empty"
             reason = "the name of a package has no slash" if "/" in name else f"there is no such folder ({where})"
@@ -197,8 +198,8 @@ class _Repository:
     def is_known(self, root: Path, environment: Mapping[str, str], workspace: Path) -> bool:
         """Return True if all commits in the history of the files are of the repository, or were made in this checkout.
 
-        Those of the repository are the commit of the event, its branches and its tags. A merge in progress counts. git,
-        which must not be in `workspace`, is asked only if the refs alone do not answer.
+        The commit of the event, branches and tags are of the repository. A merge in progress counts. git, which must
+        not be in `workspace`, is asked only if the refs alone do not answer.
         """
         merged = (_text(self.own / name, _MAX_BYTES) for name in _MERGING)
         heads = {self.head() or "HEAD", *(commit for text in merged for commit in _MERGED_COMMIT.findall(text))}
@@ -225,7 +226,8 @@ class _Repository:
 
         Tags have no logs. A tag counts if it came with the clone, or if the last fetch names it.
         """
-        config, own = self.config(), set()
+        config = self.config()
+        own = set()
         addresses = {key[1]: values[0] for key, values in config.items() if key[0] == "remote" and key[2] == "url"}
         strange = {name for name, address in addresses.items() if _other_owner(address, environment) is not None}
         pulled = [
@@ -330,7 +332,8 @@ class _Repository:
         for line in re.sub(r"\\\r?\n", "", _text(self.common / "config", _MAX_BYTES)).split("\n"):
             start = 0
             if header := _SECTION.match(line):
-                section, start = header["section"].lower(), header.end()
+                section = header["section"].lower()
+                start = header.end()
                 name = (header["dotted"] or "").lower() if header["name"] is None else _unescaped(header["name"])
             if pair := _VALUE.match(line, start):
                 values.setdefault((section, name, pair["key"].lower()), []).append(_unescaped(pair["value"].rstrip()))
@@ -356,7 +359,7 @@ class _Repository:
 
 
 def foreign_checkout(environment: Mapping[str, str], folders: Iterable[Path]) -> str | None:
-    """Return the reason why files here may be those of strangers, as a clause; None: there is no sign of it.
+    """Return the reason why files here may come from strangers, as a clause; None: there is no sign of it.
 
     The checkouts around `folders` count, and those in the workspace of the job, whose files a scenario may name.
     """
@@ -370,7 +373,7 @@ def foreign_checkout(environment: Mapping[str, str], folders: Iterable[Path]) ->
             continue
         # Dependencies that are checked out below may have another owner; submodules are pinned by their parent.
         is_tested = git in around and not repository.is_pinned
-        # The commit decides: other fetches mean nothing if that of the event is checked out.
+        # The commit decides: other fetches mean nothing if the commit of the event is checked out.
         is_of_event = repository.is_at(environment.get("GITHUB_SHA", ""))
         sign = None if is_of_event else _sign_of_pull_request(repository)
         if sign is None and is_tested:
@@ -463,7 +466,8 @@ def _around(folders: Iterable[Path]) -> Iterator[Path]:
 
 def _below(workspace: Path) -> Iterator[Path]:
     """Yield each `.git` in a workspace, as deep as `path:` of actions/checkout usually is."""
-    waiting, seen = [(workspace, 0)], 0
+    waiting = [(workspace, 0)]
+    seen = 0
     while waiting:
         folder, depth = waiting.pop()
         try:

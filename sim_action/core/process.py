@@ -38,7 +38,7 @@ def hold_signals() -> None:
 
 
 def release_signals() -> None:
-    """Deliver the signals that `hold_signals` has held, and those that come later."""
+    """Deliver the signals that `hold_signals` has held, and all later signals."""
     if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 

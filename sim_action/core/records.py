@@ -43,7 +43,7 @@ class _Record:
     """The description of a record class.
 
     Attributes:
-        fields: name -> its default value, its `field(...)`, or MISSING; those of base classes come first.
+        fields: name -> its default value, its `field(...)`, or MISSING; fields of base classes come first.
         types: name -> its annotation.
         key: returns the values of an instance that are compared.
         shown: the fields in `repr`.

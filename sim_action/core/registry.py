@@ -76,7 +76,7 @@ class InstalledPart:
 
 
 def _why_no_part(target: object, base: type, name: str) -> str | None:
-    """Return what is wrong with the object that an entry point names; None if it is the class that it should be."""
+    """Return the problem of the object that an entry point names; None if it is the expected class."""
     if not isinstance(target, type) or not issubclass(target, base):
         return f"is not a subclass of sim_action.extending.{base.__name__}"
     if (key := getattr(target, "key", None)) != name:
@@ -123,7 +123,7 @@ def _entries(group: str) -> Iterator[tuple[EntryPoint, str]]:
 
 @dataclass(frozen=True)
 class Table(Generic[T]):
-    """The names of one kind ("assertion", ...); iteration gives our own, `all_names` those of packages, too."""
+    """The names of one kind ("assertion", ...); iteration gives our own, `all_names` adds names of packages."""
 
     kind: str  # the noun for messages
     paths: Mapping[str, str]  # name -> "module:attribute"
@@ -143,7 +143,7 @@ class Table(Generic[T]):
         return {name: part for name, part in installed_parts(self.group).items() if name not in self.paths}
 
     def all_names(self) -> tuple[str, ...]:
-        """Return all names, those of installed packages last."""
+        """Return our own names, then names of installed packages."""
         return (*self.paths, *self.installed())
 
     def load(self, name: str) -> T:

@@ -3,9 +3,9 @@
 First exact statements about a pass rate: tails of the binomial distribution, bounds of the rate, and numbers of runs;
 then the comparison of pairs, bounds of a quantile, and the sequential test of two rates.
 
-The bounds of a rate are those of Clopper and Pearson (Biometrika 26, 1934), each on one side and with the whole
-confidence: in at most a share of 1 - confidence of all gates does the lower bound lie above the true rate, or the upper
-bound below it. `proves` and `refutes` decide by the tails; the bounds are the rates at which these two change.
+The bounds of a rate are by Clopper and Pearson (Biometrika 26, 1934), each on one side and with the whole confidence:
+in at most a share of 1 - confidence of all gates does the lower bound lie above the true rate, or the upper bound below
+it. `proves` and `refutes` decide by the tails; the bounds are the rates at which these two change.
 
 All functions raise ValueError for a count, rate, share or confidence outside its range. A confidence is at least 50 %:
 below it, the same runs could prove and refute a rate.
@@ -29,7 +29,7 @@ MAX_RUNS: Final = 10_000  # the largest number of runs that `runs_for_power` con
 _NEGLIGIBLE: Final = 1e-20  # the share of a sum below which its falling terms are left out
 
 _ROUNDING: Final = 1e-12
-"""A tail within this relative distance of 1 - confidence equals it: 1/8 at 87.5 %, whatever the rounding errors."""
+"""A tail within this relative distance of 1 - confidence equals it: 1/8 at 87.5 %, despite rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,8 @@ def runs_needed(rate: float, confidence: float, failures: int = 0) -> int:
 def chances(true_rate: float, runs: int, rate: float, confidence: float) -> Chances:
     """Return the verdicts that a robot of a true rate gets from a gate of so many runs."""
     _check(runs, rate=true_rate)
-    least, most = passes_needed(runs, rate, confidence), passes_refuting(runs, rate, confidence)
+    least = passes_needed(runs, rate, confidence)
+    most = passes_refuting(runs, rate, confidence)
     passed = 0.0 if least is None else at_least(least, runs, true_rate)
     failed = 0.0 if most is None else at_most(most, runs, true_rate)
     return Chances(passed, failed, max(0.0, 1.0 - passed - failed))
@@ -344,9 +345,9 @@ class QuantileBounds:
     and at least a share q at or below it.
 
     - X_(r) <= x holds if at least r values are at or below x. Their number is binomial with a probability of at least
-      q. So the probability of X_(r) <= x is at least that of r or more successes with the probability q.
+      q. So X_(r) <= x is at least as probable as r or more successes with the probability q.
     - x <= X_(r) holds if fewer than r values are below x. Their number is binomial with a probability of at most q. So
-      the probability of x <= X_(r) is at least that of fewer than r successes with the probability q.
+      x <= X_(r) is at least as probable as fewer than r successes with the probability q.
 
     Both are equalities if the distribution is continuous at x. Ties and atoms make the bounds more careful, never
     wrong.

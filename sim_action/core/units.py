@@ -1,6 +1,6 @@
 """Conversion of quantities with units ("30 s", "90 deg", "1.5 m") to and from SI floats.
 
-A bare number is SI already. Prefixes and symbols are those of the SI brochure (BIPM, 9th edition). At the end: the
+A bare number is SI already. Prefixes and symbols are from the SI brochure (BIPM, 9th edition). At the end: the
 rounding of sim times to physics steps.
 """
 
@@ -33,7 +33,7 @@ class Dimension:
     example: str  # a usual value in text, for descriptions
 
 
-_DIMENSIONS: Final[list[Dimension]] = []  # those that have units, in the order of messages
+_DIMENSIONS: Final[list[Dimension]] = []  # all with units, in the order of messages
 
 
 def _dimension(name: str, si: str, others: dict[str, float] | None = None, example: str = "") -> Dimension:
@@ -66,7 +66,7 @@ _QUANTITY: Final = re.compile(r"([-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]
 
 
 class UnitError(ValueError):
-    """A text that is not a quantity of the expected dimension; the message says what is expected."""
+    """A text that is not a quantity of the expected dimension; the message states the expected one."""
 
 
 def parse(value: object, *dimensions: Dimension) -> float:
@@ -167,7 +167,7 @@ TIME_EPSILON_S: Final = 1e-9
 STEP_EPSILON: Final = 1e-6  # a share of a step: a time that is later than a step by at most this belongs to the step
 
 
-_MAX_STEP: Final = 2.0**53  # beyond, floats do not tell steps apart
+_MAX_STEP: Final = 2.0**53  # beyond, floats cannot distinguish steps
 
 
 _MAX_STEPS_BETWEEN_TICKS: Final = 1e15

@@ -87,8 +87,8 @@ class Parameters:
     """The parameters of a function after its first, or of the `__init__` of a class after `self`."""
 
     line: int  # of the `def`, or of the class if it has no `__init__`
-    names: tuple[str, ...] = ()  # those that can be given by name
-    required: tuple[str, ...] = ()  # those without a default
+    names: tuple[str, ...] = ()  # parameters that can be given by name
+    required: tuple[str, ...] = ()  # parameters without a default
     takes_others: bool = False  # True if it has `**others`
 
     def problems(self, arguments: Collection[str]) -> Iterator[tuple[str | None, str]]:
@@ -236,7 +236,8 @@ def _words(annotation: ast.expr) -> set[str]:
 
 def _bindings(body: Sequence[ast.AST]) -> list[str]:
     """Return the names that statements bind, each as often as it is bound."""
-    names, waiting = [], list(body)
+    names = []
+    waiting = list(body)
     while waiting:
         match node := waiting.pop():
             case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):

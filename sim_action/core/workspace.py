@@ -92,7 +92,8 @@ class Workspace:
         working_folder = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
         place = repository or (working_folder if named.is_relative_to(working_folder) else named)
-        root, file = place.resolve(), scenario_file.resolve()
+        root = place.resolve()
+        file = scenario_file.resolve()
         if not permissions.outside:
             left: Path | None = root
             if file.is_relative_to(root):
@@ -160,7 +161,8 @@ class Workspace:
         """Return the absolute path, and True if it is a folder."""
         try:
             resolved = (self.directory / path).resolve()
-            is_file, is_folder = resolved.is_file(), resolved.is_dir()
+            is_file = resolved.is_file()
+            is_folder = resolved.is_dir()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PathError(f"{path!r} is not a valid path: {path_problem(error)}") from None
         if refusal := self.refusal(resolved):
@@ -280,7 +282,7 @@ def _below(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> Iterator[Path]
 
 
 def misnamed(patterns: Iterable[str], *, outside: bool = False) -> list[Path]:
-    """Return the files below folders that look like scenarios, but whose names do not end as those of scenarios.
+    """Return the files below folders that look like scenarios, but whose names lack the ending of scenarios.
 
     They have the keys `robot` and `expect`. Bases are not among them: `*.base.yml`, and what another one extends.
     `outside`: True if folders behind links out of the workspace count.

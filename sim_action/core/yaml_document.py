@@ -55,7 +55,8 @@ def plain_value(text: str) -> object:
         return text
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
+    whole = _INT.fullmatch(text)
+    based = _OCTAL_OR_HEX.fullmatch(text)
     if (whole or based) and len(text) > MAX_DIGITS:
         raise ValueError(f"a number of {len(text)} digits; the maximum is {MAX_DIGITS}")
     if whole:
@@ -96,7 +97,8 @@ class Document:
     @property
     def size(self) -> int:
         """The number of values; aliases count as copies."""
-        size, waiting = 0, [self.data]
+        size = 0
+        waiting = [self.data]
         while waiting:
             value = waiting.pop()
             size += 1
@@ -343,7 +345,7 @@ class ProblemList:
         return any(len(noted) > len(path) and noted[: len(path)] == path for noted, _ in self._problems)
 
     def error(self) -> InvalidScenario:
-        """Return all problems as one error, those of the document first, in the order of its lines."""
+        """Return all problems as one error, problems of the document first, in the order of its lines."""
         return InvalidScenario(sorted(self._problems.values(), key=self._place))
 
     def _place(self, problem: Problem) -> tuple[bool, int, int]:

@@ -1,6 +1,6 @@
 """Check without an engine that no body begins inside another one.
 
-The depth is that of boxes and balls; other shapes use solids inside them. So it is a lower bound.
+The depth is computed for boxes and balls; other shapes use solids inside them. So it is a lower bound.
 """
 
 from __future__ import annotations

@@ -410,7 +410,7 @@ def _equal_runs(gate: PlannedGate, draws: tuple[str, ...]) -> str:
 
 
 def _other_unit(claim: Quantile, scenario: Scenario) -> str | None:
-    """Return the problem of a limit whose unit is not that of the measured value; None if either is not known."""
+    """Return the problem of a limit in another unit than the measured value; None if either unit is not known."""
     _, stated = units.with_si_unit(claim.bound)
     named = [expectation for expectation in scenario.expect if expectation.name == claim.expectation]
     matches = named or [
@@ -477,7 +477,7 @@ def audit_combination(path: KeyPath, expectation: Expectation, scene: Scene) -> 
 
 
 def _below(path: KeyPath, findings: Findings, of: Expectation | None = None) -> Findings:
-    """Yield findings on a part at `path`, without those that its expectation allows."""
+    """Yield findings on a part at `path`, except findings that its expectation allows."""
     return (finding.below(path) for finding in findings if of is None or finding.rule not in of.allow)
 
 
@@ -523,7 +523,7 @@ def _beyond_half_a_turn(agreement: Agreement) -> Findings:
 
 
 def _without_shapes(judged: Sequence[tuple[KeyPath, Assertion]], scene: Scene) -> Findings:
-    """Yield assertions about contacts of a robot, or links, without shapes; the engine alone knows those of MJCF."""
+    """Yield assertions about contacts of a robot, or links, without shapes; only the engine knows shapes of MJCF."""
     model = scene.model
     if not judged or model.mjcf:
         return

@@ -1,8 +1,8 @@
 """The environment variables that code of the repository sees: an allowlist, so that secrets of a job do not reach it.
 
-Controllers, processes, xacro and nodes get the variables of the table here, those that the scenario sets with
-`environment:`, and those that the caller names with `--pass-env`. This is hygiene, not a boundary: code of the same
-user can read the memory of its parent process.
+Controllers, processes, xacro and nodes get the variables of the table here, of `environment:` in the scenario,
+and of `--pass-env` from the caller. This is hygiene, not a boundary: code of the same user can read the memory of its
+parent process.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ RESERVED: Final = (
     *("LD_*", "DYLD_*", "PYTHON*", "GITHUB_*", "RUNNER_*", "ACTIONS_*", "INPUT_*", "SIM_ACTION_*", "BASH_ENV", "ENV"),
     *("XDG_*", "CI"),
 )
-"""Names that a scenario must not set, besides those of the table: they change how Python, an engine or a job works."""
+"""Names that a scenario must not set, besides the table: they change how Python, an engine or a job works."""
 
 MAX_SET: Final = 100  # the largest number of variables that a scenario may set
 MAX_VALUE_CHARS: Final = 10_000  # the longest value that a scenario may set
@@ -131,7 +131,7 @@ def _group(name: str) -> Variables | None:
 
 
 def passed_variables(environment: Mapping[str, str], named: Collection[str] = ()) -> dict[str, str]:
-    """Return the variables that code of the repository sees; `named`: those that the caller passes in addition."""
+    """Return the variables that code of the repository sees; `named`: further variables from the caller."""
     return {name: value for name, value in environment.items() if name in named or _group(name) is not None}
 
 
@@ -148,7 +148,7 @@ def compared_variables(environment: Mapping[str, str], named: Collection[str] = 
 def code_environment(
     environment: Mapping[str, str], named: Collection[str] = (), stated: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """Return all variables for code of the repository: the harmless ones, those of the scenario, and the named ones."""
+    """Return all variables for code of the repository: harmless ones, variables of the scenario, and named ones."""
     by_caller = {name: environment[name] for name in named if name in environment}
     return {**passed_variables(environment), **(stated or {}), **by_caller}
 

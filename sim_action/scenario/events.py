@@ -282,7 +282,7 @@ def _pace(at: float, speed: float) -> Pace:
 
 
 def after(scenario: Scenario, happenings: Sequence[Happening]) -> Scenario:
-    """Return a scenario that states the times of what has happened, in the order of time."""
+    """Return a scenario that states the times of the happenings, in the order of time."""
     for happening in happenings:
         scenario = _after(scenario, scenario.events[happening.event], happening.time)
     return scenario
@@ -290,7 +290,9 @@ def after(scenario: Scenario, happenings: Sequence[Happening]) -> Scenario:
 
 def _after(scenario: Scenario, event: Event, time: float) -> Scenario:
     world = scenario.world
-    disturbances, faults, objects = [*world.disturbances], [*scenario.faults], list(world.objects)
+    disturbances = [*world.disturbances]
+    faults = [*scenario.faults]
+    objects = list(world.objects)
     patches = list(world.patches)
     for action, place in zip(event.actions, event.places, strict=True):
         # A mutant may lack the part.
@@ -343,7 +345,7 @@ def _body_after(body: Body, action: Action, time: float) -> Body:
 
 
 def time_marks(scenario: Scenario, happenings: Sequence[Happening]) -> Iterator[TimeMark]:
-    """Yield the marks of what has happened, with what the world does not mark itself."""
+    """Yield the marks of happenings, with the actions that the world does not mark itself."""
     for happening in happenings:
         event = scenario.events[happening.event]
         # The world marks what its objects do.
@@ -507,7 +509,8 @@ def _too_often(scenario: Scenario) -> SpecProblems:
     seen: dict[tuple[str, str], str] = {}
     removed = {action.remove: event.name for event in scenario.events for action in event.actions if action.remove}
     for index, event in enumerate(scenario.events):
-        earlier, name = [], _before(event)
+        earlier = []
+        name = _before(event)
         while name in events and name not in earlier:
             earlier.append(name)
             name = _before(events[name])

@@ -77,7 +77,8 @@ def _ways_in(annotation: Any, metadata: Iterable[Any], if_there: bool, to: Patte
         yield to
     elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield from _ways(annotation, if_there, to)
-    origin, parts = get_origin(annotation), get_args(annotation)
+    origin = get_origin(annotation)
+    parts = get_args(annotation)
     if origin is Annotated:
         parts = parts[:1]
     elif origin is dict:

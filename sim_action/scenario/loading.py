@@ -241,7 +241,7 @@ class _Loader:
         )
 
     def load(self) -> Scenario:
-        assert isinstance(self._data, dict)  # whoever read the file has looked
+        assert isinstance(self._data, dict)  # checked when the file was read
         data = with_robot_of_world(self._data)
         scenario = self._parts.validated(Scenario, self._parts.with_families(data), ())
         if scenario is not None:
@@ -304,7 +304,7 @@ class _Loader:
             yield actor, paths, ("world", "actors", index)
 
     def _take(self, findings: Iterable[ClaimFinding]) -> None:
-        """Note the errors of the audit of claims, and keep its warnings, except those that the scenario allows."""
+        """Note the errors of the audit of claims, and keep its warnings, except for rules that the scenario allows."""
         kept = [finding for finding in findings if finding.rule not in self._allowed]
         for finding in kept:
             if finding.is_error:
@@ -473,8 +473,8 @@ def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
 def _as_one(refused: Sequence[Refused], number: int) -> Refused:
     """Return one refusal with the problems of all variations, each once.
 
-    A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
-    where the refusal is reported.
+    A fault of sim-action is reported alone, as it may hide other problems. `number`: of the first variation, where the
+    refusal is reported.
     """
     if fault := next((refusal for refusal in refused if isinstance(refusal.error, errors.InternalError)), None):
         return replace(fault, number=number)

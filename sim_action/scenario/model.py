@@ -136,7 +136,7 @@ class DrivenRobot(Robot):
 
 
 class DrivenActor(Actor, DrivenRobot):
-    """A robot beside the one under test: its keys, its commands, and the sensors of its own controllers."""
+    """Another robot: its keys, its commands, and the sensors of its own controllers."""
 
     commands: Annotated[tuple[CommandSource, ...], Field(description="as those of the scenario")] = ()
     sensors: Annotated[
@@ -363,7 +363,7 @@ class Scenario(FrozenModel):
 
     @property
     def needed_rates(self) -> list[float]:
-        """The rates in Hz that have to divide that of the physics."""
+        """The rates in Hz that have to divide the physics rate."""
         of_sources = [source.needed_rate for source in self.all_commands]
         rates = [*of_sources, *(sensor.rate for sensor in self.all_sensors), self.trace.rate]
         return [rate for rate in rates if rate is not None]
@@ -479,11 +479,11 @@ class LoadedScenario:
     # name of a world body -> its parts, for bodies that are read from files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     warnings: tuple[AuditWarning, ...] = ()  # the findings of the audit of claims that do not refuse it
-    compared: bool = False  # True if the run is compared with that of another engine
+    compared: bool = False  # True if the run is compared with a run of another engine
     strict: bool = False  # True if warnings of the audit of claims make it fail
     places: WorldPlaces = field(default_factory=WorldPlaces)  # of the models in the world file
-    # the injected fault; None in all runs but those of `sim-action prove`, and those whose confidence is found: these
-    # have one without a fault, and run on after a failure
+    # the injected fault; None except in runs of `sim-action prove`, and in runs whose confidence is found: these have a
+    # mutation without a fault, and continue after a failure
     mutation: Mutation | None = None
     # the change of a repetition that shows the confidence of a verdict; empty: it is no repetition
     repetition: str = ""

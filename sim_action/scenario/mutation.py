@@ -79,7 +79,7 @@ class Seams:
         """Take the times of the same faults after an event has happened."""
 
     def until(self, step: int, until: int) -> int:
-        """Return the step until which targets can be planned: that of the next fault, or `until` if it is earlier."""
+        """Return the step until which targets can be planned: the step of the next fault, or `until` if earlier."""
         return until
 
     def targets(

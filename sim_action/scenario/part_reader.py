@@ -66,8 +66,8 @@ class OwnPaths:
 class PartReader:
     """Reads the parts of one document and collects their problems.
 
-    `command_paths, sensor_paths, expect_paths`: the key paths of the parts that were read; `actor_paths`: those of the
-    other robots, in their order.
+    `command_paths, sensor_paths, expect_paths`: the key paths of the parts that were read; `actor_paths`: the paths of
+    the other robots, in their order.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class PartReader:
             document: the parts.
             workspace: in which their files are found.
             permissions: of the caller.
-            problems: those that are found are added.
+            problems: receives the problems.
             allowed: rules of the audit of claims that the scenario allows.
             refused: paths of command sources whose problems are known.
         """
@@ -108,7 +108,8 @@ class PartReader:
         parts = dict(data)
         if "commands" in data:
             parts["commands"], self.command_paths = self._commands(data["commands"], ("commands",))
-        sensors, standard = data.get("sensors", ()), tuple(_standard_sensors(data.get("robot")))
+        sensors = data.get("sensors", ())
+        standard = tuple(_standard_sensors(data.get("robot")))
         if isinstance(sensors, tuple) and (standard or "sensors" in data):
             entries = _numbered(("sensors",), sensors)
             entries += [(("robot", "sensors"), entry) for entry in standard]
@@ -129,7 +130,8 @@ class PartReader:
         """Return the entry of another robot with its drive, commands and sensors as objects."""
         if not isinstance(data, dict):
             return data
-        parts, own = dict(data), OwnPaths()
+        parts = dict(data)
+        own = OwnPaths()
         if "commands" in data:
             parts["commands"], own.commands = self._commands(data["commands"], (*path, "commands"))
         sensors = data.get("sensors", ())
@@ -260,7 +262,8 @@ class PartReader:
         if span is not None and assertion.hold_time is not None:
             if assertion.states_span:
                 self._problems.note((*path, "for"), f"'{assertion.key}' has 'for' already; remove one of the two")
-            assertion, span = assertion.lasting(span), None
+            assertion = assertion.lasting(span)
+            span = None
         if span is not None and (reason := _why_not_for(assertion)) is not None:
             self._problems.note((*path, "for"), reason)
         if options.since is not None and options.after:
@@ -331,7 +334,7 @@ class PartReader:
     def _kind(
         self, table: Table[type[Model]], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
     ) -> tuple[str, type[Model]] | None:
-        """Return the one key of `data` in the table, and its class; `beside`: the class of keys next to it."""
+        """Return the one key of `data` in the table, and its class; fields of a second class may stand next to it."""
         key = self._family_key(table, data, path, beside)
         if key is None:
             return None
@@ -504,7 +507,7 @@ class _Entry:
 
 
 _EGO: Final = "ego"
-_BESIDE: Final = ("commands", "sensors")  # the keys that stand beside `robot` in a scenario, and inside an actor
+_BESIDE: Final = ("commands", "sensors")  # the keys that stand next to `robot` in a scenario, and inside an actor
 
 
 def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
@@ -529,7 +532,7 @@ def with_roles(document: Document) -> tuple[Document, tuple[Problem, ...]]:
     chosen, at = actors[index], ("world", "actors", index)
     beside = {key: data[key] for key in _BESIDE if key in data}
     if isinstance(former.get("sensors"), str):
-        # Standard sensors; others stand beside the robot.
+        # Standard sensors; others stand next to the robot.
         beside.setdefault("sensors", former["sensors"])
     new_actor = {"name": name, **{key: value for key, value in former.items() if key != "sensors"}, **beside}
     robot = {key: value for key, value in chosen.items() if key not in ("name", *_BESIDE)}

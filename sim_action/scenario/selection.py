@@ -146,7 +146,7 @@ def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
 
 
 def _names(scenario: Source | Refused) -> Iterator[str]:
-    """Yield all names that select a scenario: its own, that of its group, and those of its runs on engines."""
+    """Yield all names that select a scenario: its own, its group's, and one for each engine."""
     yield scenario.name
     if isinstance(scenario, Source) and scenario.group:
         yield scenario.group
@@ -191,7 +191,7 @@ def _ignore(_: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """The selected scenarios of each file that has some, whatever their number, and what selects nothing."""
+    """The selected scenarios of each file that has some, and the patterns and tags that match no scenario."""
 
     files: Mapping[Path, Scenarios]
     unmatched: tuple[Unmatched, ...] = ()
@@ -203,7 +203,7 @@ class Suite:
 
     files: Sequence[Path]  # in order
     empty: Sequence[str] = ()  # paths without a scenario
-    written: Sequence[Written] = ()  # scenarios of a program, which come after those of the files
+    written: Sequence[Written] = ()  # scenarios of a program, which come after the files
     # file name -> selected numbers, for files of which only some scenarios are selected
     numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)  # by names and tags

@@ -13,7 +13,7 @@ _PLAIN: Final = frozenset({str, int, bool, bytes, type(None)})
 
 
 def share_parts(new: Value, previous: object) -> Value:
-    """Return `new` with its parts equal to those of `previous` replaced by them; `previous`, if all of them are.
+    """Return `new` with parts of `previous` in place of equal parts; `previous` itself if all parts are equal.
 
     Both are made of frozen models and records, tuples and plain values; of dictionaries, only empty ones are equal.
     A part is equal if all types and values are; 0.0 and -0.0 differ. `new` changes in place, so it must not be a

@@ -1,7 +1,7 @@
 """The text of one scenario or variation, valid or refused, before it is a `Scenario`; and the random seed of its run.
 
-A typed seed, such as that of `--seed`, overrides `seed:` of the scenario. It does not override a seed that variations
-list, or draw. Each sample has a seed of its own, which is derived from that of its scenario.
+A typed seed, such as `--seed 3`, overrides `seed:` of the scenario. It does not override a seed that variations
+list, or draw. Each sample has a seed of its own, derived from the seed of its scenario.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Source:
         return replace(self, document=replace(self.document, data=data), scenario_seed=seed)
 
     def overriding_seed(self, typed: int | None) -> int | None:
-        """Return the typed seed if it overrides that of the run, which is complete otherwise."""
+        """Return the typed seed if it overrides the seed of the run, which is complete otherwise."""
         return None if self.scenario_seed is not None or varies_seed(self.variation) else typed
 
     def is_of_draws(self, refused: Refused) -> bool:
@@ -133,7 +133,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A scenario that cannot run, and the error; the other fields are those of its source."""
+    """A scenario that cannot run, and the error; the other fields are as in its source."""
 
     file: str
     name: str

@@ -193,7 +193,7 @@ _ADVISED: Final = 0.001  # advised times are rounded up to this step in s
 
 
 def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> SpecProblems:
-    """Yield bodies that move too fast, in no time, or after the end; `parts`: by body, for those of files."""
+    """Yield bodies that move too fast, in no time, or after the end; `parts`: of each body of a file."""
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
         yield from late_problems(("world", "objects", index, "appears"), body.appears, limit)
@@ -232,8 +232,8 @@ class Clashes:
 
     paths: Mapping[str, KeyPath]  # name of a body or another robot -> its keys
     places: Mapping[str, Location]  # name of a body of the world file -> its place
-    own: tuple[Clash, ...]  # those with a body of the scenario
-    of_file: tuple[Clash, ...]  # those of bodies of the world file only, or with the ground
+    own: tuple[Clash, ...]  # clashes with a body of the scenario
+    of_file: tuple[Clash, ...]  # clashes of bodies of the world file only, or with the ground
     are_allowed: bool  # True if none of them is an error
 
     @classmethod
@@ -272,7 +272,7 @@ class Clashes:
         yield Problem(place, f"{message}; move {'it' if len(deep) == 1 else 'them'}, or {_REMEDY}")
 
     def notes(self) -> Iterator[str]:
-        """Yield a note on bodies that the engine throws out, and one on those of the file that it moves apart."""
+        """Yield a note on bodies that the engine throws out, and one on bodies of the file that it moves apart."""
         if self.are_allowed and (deep := self._deep):
             bodies = "1 body begins inside another, and the engine throws it out"
             if len(deep) > 1:

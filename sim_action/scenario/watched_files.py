@@ -184,7 +184,7 @@ class NamedFiles:
         self._absolute: dict[str, Path] = {}
 
     def of(self, source: Source) -> frozenset[Path]:
-        """Return the files of a scenario, with those of the files that it extends; some may not exist."""
+        """Return the files of a scenario and of the files that it extends; some may not exist."""
         data = source.document.data
         mapped = _mapped(data)
         key = (source.workspace, tuple(sorted(mapped.items())))

@@ -67,13 +67,13 @@ class Scenario:
         """Build a scenario.
 
         Raises InvalidScenario for a value that YAML does not have. `folder`: relative paths in the scenario start here;
-        `keys`: those of a scenario file.
+        `keys`: as in a scenario file.
         """
         name = keys.get("name")
         name = name if isinstance(name, str) and is_title(name) else _UNNAMED
         label = f"{name.replace('/', '-')} (Python)"
         document = read_document(label, _yaml(_plain(keys, label, ())))
-        # The call that runs it knows what is permitted.
+        # The call that runs it knows the permissions.
         path = Path(folder) / label
         self._source = Source(path, workspace_around(path, Permissions(outside=True)), document, name)
 
@@ -86,7 +86,7 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """The name in reports; that of a variation has its values."""
+        """The name in reports; a variation has its values in it."""
         return self._source.name
 
     @property
@@ -111,7 +111,7 @@ class Scenario:
 
     @property
     def keys(self) -> dict[str, Any]:
-        """A copy of all keys, as YAML has them: those of files that it extends are included."""
+        """A copy of all keys, as YAML has them, with the keys of files that it extends."""
         copy: dict[str, Any] = plain_data(self._keys)
         return copy
 
@@ -119,7 +119,7 @@ class Scenario:
         """Return the scenario with other values.
 
         `changes`: key path, as in `variations`, such as "robot.pose.yaw" -> value. Raises InvalidScenario for a path
-        that leads nowhere, UsageError for what is no map of key paths.
+        that leads nowhere, UsageError for anything but a map of key paths.
         """
         if not isinstance(changes, Mapping) or not all(isinstance(written, str) for written in changes):
             raise UsageError(f"changes: expected a map of key paths to values, found {shown(changes)}")
@@ -150,7 +150,7 @@ class Scenario:
     @property
     def _keys(self) -> dict[str, Any]:
         data = self._source.document.data
-        assert isinstance(data, dict)  # whoever made it has looked
+        assert isinstance(data, dict)  # checked when it was made
         return data
 
     def __repr__(self) -> str:

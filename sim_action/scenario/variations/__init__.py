@@ -325,7 +325,7 @@ class CsvColumn(Draw):
 DRAWS: Final[dict[str, type[Draw]]] = {
     draw.key: draw for draw in (Uniform, Normal, LogUniform, Integers, Choice, Sobol, CsvColumn)
 }
-"""The key that tells one way to draw from the others."""
+"""The ways to draw a value, by key."""
 
 OPTIONS: Final = ("samples", "between", "weights", "column")  # the other keys of draws
 

@@ -254,7 +254,7 @@ def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_
 
 
 def _numbered(keys: list[_Key]) -> list[_Key]:
-    """Return the keys with the numbers of samples in the texts of those that are equal in all drawn keys."""
+    """Return the keys with the number of a sample in its text if another sample is equal in all drawn keys."""
     drawn = [key for key in keys if key.values.drawn]
     rows = list(zip(*(key.texts for key in drawn), strict=True)) if drawn else []
     count = Counter(rows)

@@ -1,6 +1,6 @@
 """The gate of a scenario: how often its samples have to pass, and how sure that has to be.
 
-`gate:` stands beside `variations:`. Every combination of listed values has a gate of its own over the drawn samples.
+`gate:` stands next to `variations:`. Every combination of listed values has a gate of its own over the drawn samples.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Passes(FrozenModel):
 
 
 class StopEarly(FrozenModel):
-    """Two rates that a sequential test tells apart; it stops as soon as it can."""
+    """Two rates that a sequential test distinguishes; it stops as soon as it can."""
 
     reject: Annotated[Rate, Field(description="the rate of a robot that is not good enough")]
     accept: Annotated[Rate, Field(description="the rate of a robot that is good enough")]
@@ -199,8 +199,8 @@ class PlannedGate(FrozenModel):
     """A gate and the runs that it judges.
 
     Attributes:
-        name: the name in reports: that of the scenario, with the listed values.
-        file, line: those of its outcomes.
+        name: the name of the scenario with the listed values, for reports.
+        file, line: the place of its outcomes.
         location: the place of the key `gate`.
         group: the name of the scenario.
         runs: the number of samples.

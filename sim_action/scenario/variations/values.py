@@ -32,7 +32,7 @@ from sim_action.scenario.variations import (
 )
 
 MAX_CSV_BYTES: Final = 25_000_000
-MAX_ROWS: Final = 10_000  # the largest number of rows that are samples; it is that of the runs of a file
+MAX_ROWS: Final = 10_000  # the largest number of rows that are samples: as many as a file may have runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +169,8 @@ def value_list(
         stated: the value of the key in `variations`.
         seed: of the scenario.
         runs: the number of samples that a gate asks for; None without a gate.
-        dimension: the place of the key among those with `sobol`, from 0.
-        files: those that it may read.
+        dimension: the place of the key among the keys with `sobol`, from 0.
+        files: the files that it may read.
 
     Raises ValuesError.
     """
@@ -180,7 +180,8 @@ def value_list(
     draw = _draw(stated)
     if isinstance(draw, CsvColumn):
         return _of_csv(key, draw, runs, files)
-    generator, count = Random(f"variations {key} {seed}"), _count(draw, runs)
+    generator = Random(f"variations {key} {seed}")
+    count = _count(draw, runs)
     if key == SEED:
         return _seeds(draw, count, generator)
     if isinstance(draw, Choice):
@@ -304,7 +305,7 @@ def _refuse_twins(values: tuple[object, ...], path: KeyPath = (), remedy: str = 
 
 # Sobol's sequence: points that fill a cube evenly, scrambled so that each point is uniform by itself.
 #
-# The direction numbers are those of Joe and Kuo (2008), new-joe-kuo-6. The scramble of Laine and Karras (2011) is
+# The direction numbers are by Joe and Kuo (2008), new-joe-kuo-6. The scramble of Laine and Karras (2011) is
 # Owen's nested scramble with a hash: each binary digit depends on the digits above it alone, so that the points keep
 # covering all elementary intervals.
 
