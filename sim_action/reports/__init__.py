@@ -56,7 +56,7 @@ class ReportOptions:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files of a call in the output folder, apart from those of its runs."""
+        """The files of a call in the output folder, without the files of its runs."""
         junit = Path(os.path.relpath(self.junit, self.folder))
         return (JOURNAL_FILE, RESULTS_FILE, REPORT_FILE, *(() if ".." in junit.parts else (junit.as_posix(),)))
 
@@ -90,7 +90,7 @@ class ReportRequest:
 
 
 def workspace_of(environment: Mapping[str, str], current_folder: Path) -> Path:
-    """Return the folder to which paths in reports are relative: that of the CI service, else the current folder.
+    """Return the folder to which paths in reports are relative: the CI service's workspace, else the current folder.
 
     A variable may come from another machine, or from another program. A value that is no absolute path of an existing
     folder does not count; the repository above the current folder does then.

@@ -148,7 +148,7 @@ def _row_of_claim(claim: weaker_checks.ClaimChange, outcome: Outcome) -> Row:
 
 
 def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
-    """Yield the rows of the runs of a gate, without those of weaker checks."""
+    """Yield the rows of the runs of a gate, without rows of weaker checks."""
     if not gate.same_draws:
         yield _row("warned", "samples differ", outcome, unpaired_text(gate))
     if rate := gate.rate:
@@ -196,7 +196,7 @@ def before_text(change: Change) -> str:
     name = "" if held.name == failed.name else f" ({held.name})"
     # The margin of a goal that came true says little.
     measured = f"came true at {moment(held.verdict.time)}" if held.verdict.goal else measurements(held.verdict)
-    # The margin of a gate is that of a bound, not of the measured rate.
+    # The margin of a gate belongs to a bound, not to the measured rate.
     return f"before{name}: {held.verdict.message if held.assertion == GATE else measured}"
 
 
@@ -286,7 +286,9 @@ def comparison_markdown(comparison: Comparison) -> str:
 
 
 def _title(comparison: Comparison) -> str:
-    flaky, failing, fell = comparison.count("flaky"), comparison.count("newly fails"), _rates(comparison, "fell")
+    flaky = comparison.count("flaky")
+    failing = comparison.count("newly fails")
+    fell = _rates(comparison, "fell")
     if failing or fell:
         parts = [f"{failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}"] if failing else []
         parts += [f"{fell} pass {'rate' if fell == 1 else 'rates'} fell"] if fell else []

@@ -129,7 +129,7 @@ _PLAIN_TERMINALS: Final = ("dumb", "unknown")
 
 
 _ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION))
-"""A console that cannot show one of these characters gets those of ASCII for all statuses."""
+"""A console that cannot show one of these characters gets ASCII characters for all statuses."""
 
 
 class Console:

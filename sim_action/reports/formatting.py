@@ -94,7 +94,7 @@ def counts_text(results: Results) -> str:
 
 
 def _warnings(results: Results) -> Iterator[object]:
-    """Yield a key of each warning; those of all runs of a gate are one."""
+    """Yield a key of each warning; a warning counts once for all runs of a gate."""
     for outcome in results.verdicts:
         yield from outcome.warnings
         yield from (expected for expected in outcome.expectations if expected.warned)
@@ -106,7 +106,7 @@ def _warnings(results: Results) -> Iterator[object]:
 
 
 def _runs_of_gates(results: Results) -> Iterator[str]:
-    """Yield the numbers of runs that gates judge here, and of those that `merge` judges together with others."""
+    """Yield the numbers of runs that gates judge here, and of runs that `merge` judges together with others."""
     judged = {(outcome.file, outcome.gate) for outcome in results.outcomes if outcome.statistics is not None}
     samples = [outcome for outcome in results.outcomes if outcome.is_sample and outcome.status != "skipped"]
     judged_runs = [(run.file, run.gate) for run in samples if (run.file, run.gate) in judged]

@@ -202,7 +202,7 @@ def plan_lines(gate: PlannedGate, wish: float, duration: Duration, *, is_refused
         gate: the gate as it is stated.
         wish: the true rate of a robot that should pass.
         duration: the estimated time of so many runs.
-        is_refused: True if its runs are too few, whatever they give.
+        is_refused: True if its runs are too few, regardless of their results.
     """
     stated = f"{counted(gate.runs, 'run')}{', too few' if is_refused else ''}"
     yield f"{gate.name}  {gate.location}  {claim_text(gate.gate)}; {stated}"

@@ -62,7 +62,8 @@ class _Document:
 
     def parts(self) -> Iterable[bytes]:
         """Return the encoded document in parts."""
-        suites, totals = PackedParts(), Counter(dict.fromkeys(("tests", "failures", "errors"), 0))
+        suites = PackedParts()
+        totals = Counter(dict.fromkeys(("tests", "failures", "errors"), 0))
         for group in grouped_scenarios(self._results.outcomes, self._results.gates):
             suite_totals = self._suite(group, suites)
             totals.update({name: suite_totals[name] for name in totals})
@@ -402,7 +403,8 @@ class PackedParts:
         self._bytes += len(part)
         if self._bytes >= _PART_BYTES:
             self._packed.append(zlib.compress(b"".join(self._last), _LEVEL))
-            self._last, self._bytes = [], 0
+            self._last = []
+            self._bytes = 0
 
     def __iter__(self) -> Iterator[bytes]:
         """Yield the text in parts."""
@@ -415,7 +417,7 @@ _ATTACHMENT: Final = "[[ATTACHMENT|"
 
 
 def element(tag: str, attributes: Mapping[str, object]) -> ET.Element:
-    """Return an element with attributes; those that are None are omitted."""
+    """Return an element with the attributes that are not None."""
     texts = {name: plain_text(str(value)) for name, value in attributes.items() if value is not None}
     return ET.Element(tag, texts)
 
@@ -434,7 +436,7 @@ def add_line(parent: ET.Element, tag: str, text: str) -> None:
 
 
 def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
-    """Add properties as the first child; those that are None are omitted."""
+    """Add the properties that are not None in the first child."""
     properties = parent.find("properties")
     if properties is None:
         properties = ET.Element("properties")

@@ -158,7 +158,7 @@ def file_and_line(workspace: Path, location: Location) -> str:
 
 
 def stored_trace(outcome: Outcome, folder: Path) -> Path | None:
-    """Return the path of an outcome's trace; `folder` is that of the results file."""
+    """Return the path of an outcome's trace; `folder` contains the results file."""
     return folder / outcome.trace if outcome.trace else None
 
 

@@ -90,7 +90,7 @@ def expectation_table(scenario: ProvenScenario) -> Table:
 
 
 def other_mutants(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
-    """Yield the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
+    """Yield the mutants without a remark: they were noticed, changed little, did nothing or could not run."""
     groups = {
         "noticed": scenario.with_status("noticed"),
         "unnoticed, with little other motion": [
@@ -161,7 +161,7 @@ def _names(names: Sequence[str]) -> str:
 
 
 _MAX_NAME: Final = 100
-_FRAME: Final = 4_000  # an upper bound for the size of the headline, the folds and the remark on what is not shown
+_FRAME: Final = 4_000  # an upper bound for the size of the headline, the folds and the remark on omitted parts
 
 
 def write_proof_summary(proof: Proof, options: ReportOptions) -> None:

@@ -205,7 +205,7 @@ def _group_of(outcome: Outcome) -> tuple[str, str | None]:
 
 
 def _with_gates(outcomes: Iterable[Outcome]) -> Iterator[Outcome]:
-    """Yield the outcomes, those of each gate together: on several engines, the runs of their gates alternate."""
+    """Yield the outcomes, all outcomes of a gate together: on several engines, the runs of their gates alternate."""
     ordered = tuple(outcomes)
     of_gates: dict[tuple[str, str | None], list[Outcome]] = {}
     for outcome in ordered:
@@ -231,7 +231,7 @@ def _badness(outcome: Outcome) -> tuple[float, float, float]:
 def nearest_expectation(outcome: Outcome) -> ExpectationOutcome | None:
     """Return the expectation with the smallest relative margin; None if nothing was measured.
 
-    Failed expectations come first, then those that were never judged.
+    Failed expectations come first, then expectations that were never judged.
 
     Among expectations that hold, invariants come before goals, because a goal is always reached exactly at its limit.
     Counts of contacts come last: a count that holds is always at its limit, too.

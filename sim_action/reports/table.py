@@ -62,11 +62,11 @@ class Table:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The titles of all columns after that of the symbols."""
+        """The titles of all columns after the symbols."""
         return (*filter(None, (self.kind, self.name, self.message)), *self.columns)
 
     def values_of(self, row: Row) -> tuple[str | float, ...]:
-        """Return a value for each column; empty for those that the row lacks."""
+        """Return a value for each column; empty if the row lacks it."""
         return (*row.values, *("" for _ in self.columns))[: len(self.columns)]
 
     def lines(self, console: Console, indent: str = "", *, verbose: bool = False) -> Iterator[Line]:
@@ -97,13 +97,13 @@ def value_text(value: str | float) -> str:
 def expectation_rows(
     outcome: Outcome, expectations: Iterable[ExpectationOutcome], options: ReportOptions | None = None
 ) -> tuple[Row, ...]:
-    """Return the rows of expectations; `options`: those of the links to the replay."""
+    """Return the rows of expectations; `options`: for the links to the replay."""
     return tuple(
         Row(
             expected.display_status,
             expected.name,
             outcome.message_of(expected),
-            # The message of a gate has its numbers; its margin is that of a bound, not of the measured rate.
+            # The message of a gate has its numbers; its margin belongs to a bound, not to the measured rate.
             () if expected.assertion == GATE else numbers(expected.verdict),
             location=expected.location,
             stands_out=not is_fine,

@@ -29,7 +29,7 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     """Print the results to a stream (default: standard output), the worst last."""
     stream = stream or sys.stdout
     if options.verbosity == "json":
-        # In UTF-8, whatever the encoding of the terminal is.
+        # In UTF-8, regardless of the encoding of the terminal.
         stream.flush()
         stream.buffer.writelines(results.parts())
         stream.buffer.flush()

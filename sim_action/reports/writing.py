@@ -240,7 +240,7 @@ def _refuse_other_file(junit: Path, folder: Path) -> None:
 def _refuse_links(path: Path) -> None:
     """Raise UsageError if a part of a path below the current folder is a link: its author would choose the target."""
     current_folder = Path.cwd()
-    absolute = Path(os.path.abspath(path))  # noqa: PTH100 - links are what is looked for
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100 - this looks for links
     if not absolute.is_relative_to(current_folder):
         return
     for place in (absolute, *absolute.parents):

@@ -81,7 +81,7 @@ def run_files(names: Iterable[str], folder: Path, *, replays: bool, formats: Seq
 
 
 def namesake_number(name: str, stored: str) -> int:
-    """Return the number of a scenario among those of its name: `replays/a-2.json.gz` belongs to the second `a`."""
+    """Return the number of a scenario among all with its name: `replays/a-2.json.gz` belongs to the second `a`."""
     number = Path(stored).name.removesuffix(".json.gz").removeprefix(f"{_plain(name)}-")
     return int(number) if re.fullmatch("[1-9][0-9]{0,5}", number) else 1
 
@@ -176,7 +176,7 @@ class StoredFile:
 
 
 def stored_files_of(outcome: Outcome, folder: Path | None) -> list[StoredFile]:
-    """Return the files that an outcome names; `folder` is that of its results file, None if there is none."""
+    """Return the files that an outcome names; `folder`: the folder of its results file; None if there is none."""
     return [StoredFile(kind, name, _source(kind, name, folder)) for kind, name in _named(outcome)]
 
 

@@ -177,7 +177,7 @@ def compare_outcomes(
     allow_removed: bool = False,
     gates: tuple[Iterable[PlannedGate], Iterable[PlannedGate]] = ((), ()),
 ) -> Comparison:
-    """Compare the outcomes of a new run with those of an old one; `gates`: the stated gates of both, see `claims`."""
+    """Compare the outcomes of a new run with an old run; `gates`: the stated gates of both, see `claims`."""
     thresholds = thresholds or Thresholds()
     alone, samples = _parted(list(old), list(new))
     changes = [_change(before, now, samples.get(_gate_key(now), ()), thresholds) for before, now in alone]
@@ -272,7 +272,7 @@ def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair]
     weaker = () if is_gate or old.statistics else tuple(weaker_checks(old, new, pairs))
     stricter = () if is_gate else tuple(stricter_limits(old, new, pairs))
     moved = {id(check.new) for check in weaker if check.kind == "limit"} | {id(now) for _, now in stricter}
-    # The margin of a gate is that of a bound, which follows from the number of runs: its runs are compared instead.
+    # The margin of a gate belongs to a bound, which follows from the number of runs: its runs are compared instead.
     margins = () if is_gate else (_smaller_margin(*pair, thresholds.margin) for pair in pairs)
     return Change(
         kind,

@@ -120,7 +120,7 @@ class ScenarioMargins(FrozenModel):
     variation: Variation = ()
     engine: str | None = None
     reason: str = ""  # the reason why there are none; or empty
-    margins: tuple[Margin, ...] = ()  # those of all factors
+    margins: tuple[Margin, ...] = ()  # the margins of all factors
 
     def shown_by(self, outcome: Outcome) -> Outcome:
         """Return the outcome of the nominal run with the margins in place of its expectations, if there are any."""

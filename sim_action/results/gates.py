@@ -1,6 +1,6 @@
-"""The verdict of a gate: a pure function of its runs, so that shards, jobs and resumed calls give the same.
+"""The verdict of a gate: a pure function of its runs, so it is the same with shards, jobs and resumed calls.
 
-A run without a verdict counts against whatever is claimed: as not passed for the lower bound of the rate, as passed for
+A run without a verdict counts against each claim: as not passed for the lower bound of the rate, as passed for
 the upper one.
 """
 
@@ -403,7 +403,7 @@ def over_variations(
 ) -> tuple[Outcome, ...]:
     """Return the outcomes of a call, each gate before its first run, and without warnings that do not hold for all.
 
-    Outcomes of gates among `outcomes` are judged anew. Runs of a gate that is not among `gates` count by themselves:
+    Outcomes of gates among `outcomes` are judged again. Runs of a gate that is not among `gates` count by themselves:
     nothing else would judge them. `is_part`: runs of a gate may be in other results; such a gate has no outcome.
     """
     planned = {(gate.file, gate.name): gate for gate in gates}

@@ -59,7 +59,7 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Progressed:
-    """A run has reached a sim time in s; the other attributes are those of `Started`."""
+    """A run has reached a sim time in s; the other attributes are as in `Started`."""
 
     place: int
     turn: int
@@ -70,7 +70,7 @@ class Progressed:
 
 @dataclass(frozen=True, slots=True)
 class RunEnded:
-    """A run has ended; the other attributes are those of `Started`."""
+    """A run has ended; the other attributes are as in `Started`."""
 
     place: int
     turn: int
@@ -82,7 +82,7 @@ class RunEnded:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """An outcome is final; `place`: its index in the results. The other attributes are those of `RunEnded`."""
+    """An outcome is final; `place`: its index in the results. The other attributes are as in `RunEnded`."""
 
     place: int
     outcome: Outcome
@@ -100,7 +100,7 @@ Kind = Literal["started", "run", "finished", "ended"]
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """One planned outcome; the attributes are those of `Outcome`. A call keeps all: they are smaller than models."""
+    """One planned outcome; the attributes are as in `Outcome`. A call keeps all: they are smaller than models."""
 
     name: str
     file: str
@@ -235,7 +235,7 @@ class Recorded:
             self.finished[record.place] = record
 
     def results(self) -> Results:
-        """Return the results: every planned outcome, those that are not final as not finished."""
+        """Return the results: every planned outcome, as not finished if it is not final."""
         # The verdicts of runs for each place that has started and may not be final.
         verdicts: dict[int, list[str]] = {}
         for record in self.records:
@@ -478,12 +478,12 @@ def _records() -> TypeAdapter[Record]:
 
 
 _MAX_BYTES_OF_LOOK: Final = 16_000_000  # one look at a large journal is an answer to a request, so it must end soon
-# Another call may get the same inode; the end of what was read differs, because its lines have times.
+# Another call may get the same inode; the end of the read bytes differs, because its lines have times.
 _COMPARED_BYTES: Final = 512
 
 
 class JournalFollower:
-    """The journal of a folder, which may begin later, grow, be removed, and be replaced by that of another call.
+    """The journal of a folder, which may begin later, grow, be removed, and be replaced by another call's journal.
 
     Attributes:
         recorded: what was read; None: there is no valid journal.

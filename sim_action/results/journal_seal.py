@@ -2,7 +2,7 @@
 
 A record with a verdict that a later call may take over ends with a keyed digest of its line. The key lies in the user's
 cache folder, outside of every checkout, so that files of a stranger carry no valid seal. In addition, neither the
-journal nor the key counts if a git repository around it tracks it, or if nobody knows whether one does.
+journal nor the key counts if a git repository around it tracks it, or if it is unknown whether one does.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class Mask:
         )
 
     def replay(self, path: Path) -> None:
-        """Remove the values from the names in a stored replay, such as those of links. A bad file is left."""
+        """Remove the values from the names in a stored replay, such as link names. A bad file is left."""
         if self.pattern is None:
             return
         with suppress(OSError, EOFError, ValueError, RecursionError):

@@ -238,7 +238,7 @@ class Repetition(FrozenModel):
         cause: the change, such as "half the step".
         ending: the result in words.
         replay: named as `Outcome.replay`; None if there is none.
-        The others are those of its outcome.
+        The others are as in its outcome.
     """
 
     cause: str
@@ -331,7 +331,7 @@ _WORSE: Final[tuple[Status, ...]] = ("failed", "inconclusive", "not_exercised")
 
 
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
-    """Return the status of a scenario that has verdicts: that of its worst expectation."""
+    """Return the status of a scenario that has verdicts: the worst status of its expectations."""
     statuses = {expected.status for expected in expectations}
     return next((status for status in _WORSE if status in statuses), "passed")
 
@@ -467,7 +467,7 @@ class Outcome(FrozenModel):
 
     @property
     def causes(self) -> tuple[ExpectationOutcome, ...]:
-        """The expectations that prevent a pass, in the order of `not_passed`, without those that these cut off."""
+        """The expectations that prevent a pass, in the order of `not_passed`, without the expectations they cut off."""
         bad = (expected for expected in self.not_passed if expected.prevents_pass)
         return tuple(expected for expected in bad if not expected.verdict.cut_off)
 
@@ -483,7 +483,7 @@ class Outcome(FrozenModel):
         return self.warnings if self.strict else ()
 
     def judged_strictly(self, accepted: str) -> Self:
-        """Return the outcome as that of a strict run; warnings of the rule `accepted` become notes."""
+        """Return the outcome as if the run were strict; warnings of the rule `accepted` become notes."""
         notes = (*self.notes, *(str(warning) for warning in self.warnings if warning.rule == accepted))
         warnings = tuple(warning for warning in self.warnings if warning.rule != accepted)
         strict = self.model_copy(update={"strict": True, "warnings": warnings, "notes": notes})

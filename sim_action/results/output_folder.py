@@ -43,7 +43,7 @@ COMPARED: Final = "compared with the previous run"  # the words at the beginning
 _MAX_START_BYTES: Final = 8192
 
 JUNIT_NAME: Final = "sim-action"
-"""The name of the root of our JUnit XML, which makes it different from that of other tools."""
+"""The name of the root of our JUnit XML, which makes it different from JUnit XML of other tools."""
 
 
 def is_own_junit(start: bytes) -> bool:

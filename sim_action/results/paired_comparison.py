@@ -78,7 +78,7 @@ class MarginLoss:
     old: float  # old, new: the mean margins in `unit`
     new: float
     change: Interval  # the interval of the mean change, in `unit`
-    confidence: float  # that of the interval: together, the intervals of all expectations of the gate have `CONFIDENCE`
+    confidence: float  # of the interval: together, the intervals of all expectations of the gate have `CONFIDENCE`
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def compare_gate(old: Outcome | None, new: Outcome, runs: Sequence[RunPair], mar
     pairs = [(before, now) for before, now in judged if (before.variation, before.seed) == (now.variation, now.seed)]
     lacking = [any(before is None for before, _ in runs), any(now is None for _, now in runs)]
     planned = {gate.statistics.planned if gate and gate.statistics else None for gate in (old, new)}
-    # If both planned the same number of runs, those that only one of them has were lost.
+    # If both planned the same number of runs, runs that only one of them has were lost.
     is_same_plan = len(planned) == 1 and not all(lacking)
     same_draws = len(pairs) == len(judged) and (is_same_plan or not any(lacking))
     rates = Rate.of(before for before, _ in runs), Rate.of(now for _, now in runs)

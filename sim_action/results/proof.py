@@ -144,7 +144,7 @@ class ProvenScenario(FrozenModel):
 
     @property
     def unproven(self) -> tuple[ProvenExpectation, ...]:
-        """The expectations that have noticed nothing: those that check nothing, and those that are unknown."""
+        """The expectations that have noticed nothing: they check nothing, or are unknown."""
         return tuple(expectation for expectation in self.expectations if expectation.finding != "notices")
 
     @property
@@ -165,7 +165,7 @@ class Proof(FrozenModel):
         sim_action: the version of sim-action.
         runs: the number of runs, with the original ones.
         wall_time: the wall time in s of the call.
-        interrupted: True if the call was interrupted; the findings are those of the runs that had ended.
+        interrupted: True if the call was interrupted; the findings cover the runs that had ended.
     """
 
     version: Literal[1] = 1

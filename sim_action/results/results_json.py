@@ -119,9 +119,9 @@ class Results(FrozenModel):
             before. Version 3 added the status "not_exercised" and `judged` of a verdict.
             Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
-        started_at: the time at which the call started; after `merge`, that of the first shard; null in older results.
+        started_at: the start time of the call; after `merge`, the start time of the first shard; null in older results.
         commit: the commit that a CI service names; null elsewhere, and in older results.
-        wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
+        wall_time: the wall time in s of the call; after `merge`, the wall time of the slowest shard.
         shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
         selected: true if the call selected scenarios inside files by number; no scenario may be left then.
         gates: the gates of these results; a part of the list has runs of a gate, and `merge` judges it.
@@ -143,12 +143,12 @@ class Results(FrozenModel):
 
     @property
     def runs(self) -> tuple[Outcome, ...]:
-        """The outcomes of scenarios and samples, without those of gates, which follow from them."""
+        """The outcomes of scenarios and samples, without gates, which follow from them."""
         return tuple(outcome for outcome in self.outcomes if outcome.statistics is None)
 
     @property
     def verdicts(self) -> tuple[Outcome, ...]:
-        """The outcomes that count: those of scenarios and of gates, without the runs that a gate judges."""
+        """The outcomes that count: scenarios and gates, without the runs that a gate judges."""
         return tuple(outcome for outcome in self.outcomes if not outcome.is_sample)
 
     @property
@@ -168,7 +168,7 @@ class Results(FrozenModel):
 
     @property
     def conclusion(self) -> Literal["success", "failure", "cancelled"]:
-        """The conclusion of the call, named as GitHub names that of a job."""
+        """The conclusion of the call, with GitHub's name for the conclusion of a job."""
         if self.exit_code is ExitCode.INTERRUPTED:
             return "cancelled"
         return "success" if self.exit_code is ExitCode.PASSED else "failure"
@@ -369,7 +369,7 @@ def _matches(pattern: str) -> Iterator[Path]:
         if os.path.isdir(path):  # noqa: PTH112 - a name that is too long is no folder
             yield from _below(path)
         elif os.path.lexists(path) and (path == Path(pattern) or path.suffix == ".json"):
-            # The results beside margins have them, too.
+            # The results next to margins have them, too.
             yield path.with_name(RESULTS_FILE) if path.name == MARGINS_FILE else path
 
 

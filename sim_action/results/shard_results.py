@@ -53,7 +53,8 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
     seen: dict[Unit, Path] = {}
     seen_outcomes = set[tuple[Unit, str]]()
     for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):
-        unit, called = _unit(outcome), _called(outcome)
+        unit = _unit(outcome)
+        called = _called(outcome)
         if seen.setdefault(unit, path) != path:
             _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
         if (unit, outcome.name) in seen_outcomes:
@@ -121,7 +122,7 @@ def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
 
 
 def _check_commits(files: Sequence[ResultsFile]) -> None:
-    """Raise UsageError for results of different commits, such as those that an earlier workflow has left."""
+    """Raise UsageError for results of different commits, such as results that an earlier workflow has left."""
     stated = [(file.results.commit[:12], file.path) for file in files if file.results.commit]
     for commit, path in stated:
         if commit != stated[0][0]:
@@ -222,7 +223,7 @@ class EarlierRun:
     """A run that has ended."""
 
     name: str  # its results, as typed
-    outcomes: tuple[Outcome, ...]  # the outcomes, with those of gates
+    outcomes: tuple[Outcome, ...]  # the outcomes, including gates
     # `id()` of an outcome -> the folder of its results file, from which its files are named
     folders: Mapping[int, Path]
     gates: tuple[PlannedGate, ...] = ()  # the gates as they are stated

@@ -67,7 +67,7 @@ def paired_expectations(old: Outcome, new: Outcome) -> list[Pair]:
 
 
 def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator[WeakerCheck]:
-    """Yield the expectations that check less in the new run, if it has verdicts; `pairs`: those of both runs."""
+    """Yield expectations that check less in the new run, if it has verdicts; `pairs`: expectations of both runs."""
     if not new.has_verdict:
         return
     kept = {id(one) for one, _ in pairs}
@@ -224,7 +224,7 @@ def _side(verdict: Verdict) -> int:
 ClaimKind = Literal["removed", "limit", "confidence", "stated"]
 """The way in which a claim demands less, or more: the gate no longer has it, its limit moved, or its confidence.
 
-"stated" is of what the scenario states around its expectations: rules in `allow`, and its world.
+"stated" is for statements of the scenario around its expectations: rules in `allow`, and its world.
 """
 
 
@@ -240,7 +240,7 @@ class ClaimChange:
 
 
 def claim_changes(old: Gate, new: Gate) -> tuple[ClaimChange, ...]:
-    """Return the claims that demand less in the new gate, then those that demand more; `runs` is no claim."""
+    """Return the claims that demand less in the new gate, then the claims that demand more; `runs` is no claim."""
     stricter = (
         ClaimChange(change.kind, change.claim, change.new, change.old, is_weaker=False)
         for change in _weaker(new, old)
@@ -250,7 +250,7 @@ def claim_changes(old: Gate, new: Gate) -> tuple[ClaimChange, ...]:
 
 
 def surroundings_changes(old: Outcome, new: Outcome) -> Iterator[ClaimChange]:
-    """Yield the changes around the expectations; only what is new in the world, and a rule less, is no weakening."""
+    """Yield the changes around the expectations; only additions to the world and removed rules are no weakening."""
     if not (old.has_verdict and new.has_verdict and _is_recorded(old) and _is_recorded(new)):
         return
     groups: dict[str, list[tuple[str, Statement]]] = {}
@@ -343,7 +343,7 @@ def _changes_of_quantile(old: Quantile, new: Quantile) -> Iterator[ClaimChange]:
 
 
 def _is_comparable(old: Quantile, new: Quantile) -> bool:
-    # A number without a unit is in that of the measured value.
+    # A number without a unit has the unit of the measured value.
     units = {with_si_unit(claim.bound)[1] for claim in (old, new)} - {""}
     return (old.of, old.claim) == (new.of, new.claim) and len(units) < 2
 

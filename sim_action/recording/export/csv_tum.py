@@ -25,7 +25,7 @@ _KINDS: Final[tuple[Reading, ...]] = ("position", "velocity", "effort")
 class CsvTable:
     """A table with units in its header: time, pose and velocity of the base, joints, links, moving bodies.
 
-    The links are those of `trace.links`. Poses and velocities are given in the world frame. Roll, pitch and yaw turn
+    The links come from `trace.links`. Poses and velocities are given in the world frame. Roll, pitch and yaw turn
     about the fixed axes, in this order. Cells of a body are empty until it appears.
     """
 

@@ -2,7 +2,7 @@
 
 Topics: /tf and /tf_static with all coordinate frames, /odom and /ground_truth/odom of the base, /clock, /joint_states,
 /cmd_vel, /wrench, /scan of a lidar and /imu; /NAME/joint_states and /NAME/odom of each other robot; `ros2_markers` has
-those that are drawn.
+the topics that are drawn.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ def _imu(name: str, frame: str, _: MountedSensor, record: SensorRecord) -> Topic
 def states(run: RecordedRun) -> Iterator[Topic]:
     """Yield /clock, and /joint_states, /cmd_vel and /wrench/LINK if the robot has joints, or got twists or wrenches."""
     trace, twists = run.trace, run.twists
-    count, at = len(trace), nanoseconds(trace.time)
+    count = len(trace)
+    at = nanoseconds(trace.time)
     clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))
     yield Topic("/clock", "rosgraph_msgs/Clock", at, clock)
     if trace.joint_names:
@@ -164,9 +165,11 @@ def _wrenches(run: RecordedRun) -> Iterator[Topic]:
     There is a message for each change of the command, and for each moment at which the wrench has changed in the frame
     of the link because the link has turned.
     """
-    turns, taken = _Turns(run.scene.model, run.trace), set[str]()
+    turns = _Turns(run.scene.model, run.trace)
+    taken = set[str]()
     for link in dict.fromkeys(wrench.link for _, wrenches in run.wrenches for wrench in wrenches):
-        time, sums = list[float](), list[NDArray[np.float64]]()
+        time = list[float]()
+        sums = list[NDArray[np.float64]]()
         ends = [*(moment for moment, _ in run.wrenches[1:]), np.inf]
         for (start, wrenches), end in zip(run.wrenches, ends, strict=True):
             mine = [wrench for wrench in wrenches if wrench.link == link]
@@ -344,7 +347,8 @@ def wheel_odometry(run: RecordedRun) -> OdometryTrack | None:
 
 def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     """Yield /odom, and with wheel odometry also /ground_truth/odom."""
-    measured, truth = wheel_odometry(run), _ground_truth(run.trace)
+    measured = wheel_odometry(run)
+    truth = _ground_truth(run.trace)
     if measured is None:
         yield _odometry_topic("/odom", frames.odom, frames.base, truth, "ground truth")
         return
@@ -358,7 +362,8 @@ def of_actors(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     for name, trace in run.actors.items():
         if trace.joint_names:
             yield _joint_states(free_name(f"/{_plain(name)}/joint_states", taken), trace)
-        topic, truth = free_name(f"/{_plain(name)}/odom", taken), _ground_truth(trace)
+        topic = free_name(f"/{_plain(name)}/odom", taken)
+        truth = _ground_truth(trace)
         yield _odometry_topic(topic, frames.map, frames.bodies[name], truth, "ground truth")
 
 

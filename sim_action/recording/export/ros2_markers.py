@@ -57,7 +57,8 @@ def world_markers(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     """Yield /world: one message with a marker for each part of each body; nothing for an empty world."""
     time = run.trace.time[:1]
     markers = list(_world_markers(run, frames))
-    form, columns = CdrForm().fixed("<u4", len(markers)), list[FloatArray]()
+    form = CdrForm().fixed("<u4", len(markers))
+    columns = list[FloatArray]()
     for marker, points in markers:
         marker.add_to(form)
         columns += [stamps(time).astype(np.float64), *([points[None]] if len(points) else [])]
@@ -114,7 +115,8 @@ def contacts(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     for moment, points in _by_moment(run):
         shape = tuple((*pair, len(points[pair])) for pair in sorted(points))
         alike[shape].append((moment, points))
-    times, messages = list[int](), list[bytes]()
+    times = list[int]()
+    messages = list[bytes]()
     for shape, some in alike.items():
         time = run.trace.time[[moment for moment, _ in some]]
         times += nanoseconds(time).tolist()

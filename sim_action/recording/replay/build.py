@@ -122,12 +122,13 @@ def make_replay(
 ) -> None:
     """Write the replay of a run.
 
-    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `commanded` what was commanded, by kind,
-    `readings` are those of sensors by name, and `events` the marks of the timeline.
+    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `commanded` the commanded values by kind,
+    `readings` the readings of sensors by name, and `events` the marks of the timeline.
 
     Raises OSError, or ValueError if the replay is too large or not valid.
     """
-    signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
+    signals = stored_signals(scenario, scene, start, film)
+    marks = stored_marks(scenario, scene, start)
     replay = replay_of(scene, film, signals, marks, commanded=commanded, readings=readings)
     unread = [sensor.name for sensor in scenario.sensors if sensor.name not in (readings or {})]
     base = (commanded or {}).get("base")
@@ -263,7 +264,7 @@ def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> Pos
 
 
 _SAMPLE_PERIOD_S: Final = 1 / 15  # the resolution of signals with their own rate: about what a screen can show
-_TIME_RESOLUTION_S: Final = 1e-3  # that of golden files
+_TIME_RESOLUTION_S: Final = 1e-3  # as in golden files
 
 
 def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:

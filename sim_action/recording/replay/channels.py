@@ -68,7 +68,7 @@ class Curve:
         return replace(self, time=self.time[::2], values=self.values[::2])
 
     def stored(self, frames: FloatArray, rate: float) -> ChannelData:
-        """Return the channel for storage; `frames` are the times of the replay in s, `rate` that of the physics."""
+        """Return the channel for storage; `frames` are the times of the replay in s, `rate` the physics rate."""
         shared = self.time is frames
         # Rare readings are further apart than a column can say in steps of the physics.
         step = max(1 / rate, float(np.diff(self.time).max(initial=0.0)) / MAX_DELTA)
@@ -91,7 +91,7 @@ def stored_channels(
 ) -> tuple[ChannelData, ...]:
     """Return the channels of a run.
 
-    `frames` is the trace at the moments of the replay, `contacts` are those of all steps, `commanded` is by kind; see
+    `frames` is the trace at the moments of the replay, `contacts` are from all steps, `commanded` is by kind; see
     `RunRecorder.commanded`.
     """
     time, rate = frames.time, scene.physics.rate
@@ -108,7 +108,7 @@ def thinned_curves(curves: Sequence[Curve], most: int) -> list[Curve]:
     thinned = list(curves)
     while sum(sizes) > most and (longest := max(len(curve.time) for curve in thinned)) > 2:
         for number, curve in enumerate(thinned):
-            # Those that belong together have the same times afterwards, too.
+            # Curves that belong together have the same times afterwards, too.
             if len(curve.time) == longest:
                 thinned[number] = curve.halved()
                 sizes[number] = thinned[number].size

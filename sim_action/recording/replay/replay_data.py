@@ -285,7 +285,7 @@ def read_replay(path: Path) -> Replay:
 
 
 class ReplayReader:
-    """Reads replay files one after another. Equal scenes, such as those of variations, are read once and shared."""
+    """Reads replay files one after another. Equal scenes, for example of variations, are read once and shared."""
 
     def __init__(self) -> None:
         """Start without a known scene."""

@@ -72,7 +72,7 @@ class EllipsoidShape(_Shape):
 
 
 class CapsuleShape(_Shape):
-    """A capsule along z, centred; `length` is that of the cylinder between the hemispheres, in m."""
+    """A capsule along z, centred; `length` is the length in m of the cylinder between the hemispheres."""
 
     kind: Literal["capsule"]
     radius: Length
@@ -95,8 +95,8 @@ class MeshData(FrozenModel):
 
     scale: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]  # the size in m of a step of `points`
     points: Coordinates  # x, y, z of the first point in steps, then the differences of each point from the one before
-    # for each triangle the first corner minus that of the triangle before (minus 0 for the first one), then the other
-    # two corners minus the first. Corners are indices of points, counter-clockwise seen from outside.
+    # for each triangle its first corner minus the first corner of the triangle before (0 for the first triangle), then
+    # the other two corners minus the first. Corners are indices of points, counter-clockwise seen from outside.
     triangles: Corners
 
     @classmethod
@@ -217,7 +217,7 @@ Angle = Annotated[float, Field(ge=0, le=4)]  # a difference between two headings
 class _Mark(FrozenModel):
     """A place that an expectation is about; `expectation` is its number, counted from 0, or null.
 
-    Coordinates are in the world frame, or in that of `link`, with which the mark moves.
+    Coordinates are in the world frame, or in the frame of `link`, with which the mark moves.
     """
 
     expectation: Index | None = None

@@ -382,7 +382,7 @@ def notes_of(
     """Return the notes of a scene, a sentence each.
 
     `links`: the pieces of the links, all of which were asked for; `owners`: the pieces of all links and bodies;
-    `meshes`: those that are drawn.
+    `meshes`: the drawn meshes.
     """
     notes = (*_of_links(scene, links), *_of_hulls(scene), *_of_triangles(owners, meshes))
     return tuple(escaped_line(note)[:MAX_TEXT_LENGTH] for note in notes[:MAX_NOTES])

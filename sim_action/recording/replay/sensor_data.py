@@ -93,8 +93,8 @@ def stored_scans(
 ) -> tuple[ScanData, ...]:
     """Return the scans of all lidars for storage.
 
-    `links` maps link names to indices, `root` is the base link, `end` the end of the run in s, `rate` that of the
-    physics in Hz.
+    `links` maps link names to indices, `root` is the base link, `end` the end of the run in s, `rate` the physics
+    rate in Hz.
     """
     several = [(log, scans) for log in logs.values() if (scans := scans_until(log, end))][:MAX_SENSORS]
     shown = [(log, scans, links.get(log.mounted.link or root)) for log, scans in several]
@@ -183,7 +183,7 @@ class PictureData(FrozenModel):
 
 
 class CameraData(FrozenModel):
-    """The pictures of one camera; one of `every` is kept, of those that were taken."""
+    """The pictures of one camera; one of `every` taken pictures is kept."""
 
     sensor: SensorName
     every: Annotated[int, Field(ge=1, le=1_000_000)] = 1

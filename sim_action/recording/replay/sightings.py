@@ -94,7 +94,7 @@ def _looks(reading: object) -> bool:
 
 
 def _met(film: Trace) -> dict[str, float | None]:
-    """Return the bodies that were touched with the time, then those that were nearest."""
+    """Return the touched bodies with the time, then the nearest bodies."""
     met: dict[str, float | None] = {}
     for contact in film.contacts:
         met.setdefault(contact.body, round(contact.time, 5))
@@ -275,7 +275,7 @@ def seen_from(pose: Pose, points_xyz: FloatArray) -> FloatArray:
 
 
 def _from_triangles(triangles: FloatArray, points_xyz: FloatArray) -> FloatArray:
-    """Return the distances (N,) of points (N, 3) from triangles (T, 3, 3): those of a face or of an edge."""
+    """Return the distances (N,) of points (N, 3) from triangles (T, 3, 3): to a face or to an edge."""
     a, b, c = (triangles[:, corner] for corner in range(3))
     normal = np.cross(b - a, c - a)
     length = np.linalg.norm(normal, axis=1)

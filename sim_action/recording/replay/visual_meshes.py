@@ -115,7 +115,8 @@ def _stored(entry: Entry) -> Triangles | None:
         return None
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-            points, corners = stored["points_xyz"].astype(np.float64), stored["corners"].astype(np.int64)
+            points = stored["points_xyz"].astype(np.float64)
+            corners = stored["corners"].astype(np.int64)
             stated = int(stored["stated"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
@@ -124,6 +125,7 @@ def _stored(entry: Entry) -> Triangles | None:
 
 def _store(surface: Triangles, entry: Entry) -> None:
     content = io.BytesIO()
-    points, corners = surface.points_xyz.astype(np.float32), surface.corners.astype(np.int32)
+    points = surface.points_xyz.astype(np.float32)
+    corners = surface.corners.astype(np.int32)
     np.savez(content, points_xyz=points, corners=corners, stated=np.int64(surface.stated))
     entry.write(content.getvalue())

@@ -61,7 +61,7 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
 
 
 def print_annotations(all_annotations: Sequence[Annotation], options: ReportOptions) -> None:
-    """Print errors, then warnings: as many as GitHub shows. The last one of each counts those that are missing."""
+    """Print errors, then warnings: as many as GitHub shows. The last one of each counts the rest."""
     encoding = sys.stdout.encoding or "utf-8"
     for annotation in (*_limited(all_annotations, "error"), *_limited(all_annotations, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
@@ -133,7 +133,7 @@ def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> s
 
 
 def _limited(all_annotations: Sequence[Annotation], level: Level) -> list[Annotation]:
-    """Return at most as many annotations as GitHub shows; the last one counts those that are missing."""
+    """Return at most as many annotations as GitHub shows; the last one counts the rest."""
     chosen = [annotation for annotation in all_annotations if annotation.level == level]
     if len(chosen) <= _MAX_ANNOTATIONS:
         return chosen

@@ -201,7 +201,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
 
 
 def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
-    """Yield charts of expectations that did not hold, beginning with those that make the scenario fail."""
+    """Yield charts of expectations that did not hold; expectations that make the scenario fail come first."""
     numbered = sorted(enumerate(outcome.expectations), key=lambda pair: (pair[1].verdict.cut_off, not pair[1].failed))
     missed = [(number, expected) for number, expected in numbered if expected.status != "passed"]
     replay = load_replay(outcome, options) if missed else None
@@ -237,7 +237,8 @@ def _gist(outcome: Outcome) -> str:
 def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
     simulated = f"{formatting.moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
-    engine, speed = markdown_text(outcome.engine or ""), formatting.speed_text(outcome.real_time_factor)
+    engine = markdown_text(outcome.engine or "")
+    speed = formatting.speed_text(outcome.real_time_factor)
     return dotted(
         source_link(options, outcome.location), simulated, ended, speed, engine, formatting.repeats_text(outcome)
     )

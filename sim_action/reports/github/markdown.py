@@ -42,7 +42,7 @@ def markdown_rows(table: Table, rows: Iterable[str]) -> str:
 
 
 def markdown_row(table: Table, row: Row, options: ReportOptions | None = None) -> str:
-    """Return a row of a table; `options`: those of the links to places. Without them, places are not linked."""
+    """Return a row of a table; `options`: for the links to places. Without them, places are not linked."""
     place = f"<sub>{source_link(options, row.location)}</sub>" if row.stands_out and row.location is not None else ""
     replay = f"replay: {code_of_link(row.replay)}" if row.replay else ""
     name = f"**{message_text(row.name)}**" if row.name else ""

@@ -22,7 +22,7 @@ from sim_action.state.verdict import Signal, Verdict
 
 _MAX_POINTS: Final = 60
 _MAX_IN_TEXT: Final = 80
-# All characters except those that are safe in a quoted text of Mermaid, where they cannot end it or act as markup.
+# All characters except a few that cannot end a quoted text of Mermaid or act as markup in it.
 _UNSAFE: Final = re.compile(r"[^\w .,:()/+*=^'°·²\[\]-]")
 # The colours of the curve and the limits are readable on a white and on a black page.
 _CURVE, _LIMIT = "#2f81f7", "#e5534b"

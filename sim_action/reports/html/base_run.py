@@ -14,9 +14,9 @@ from sim_action.results.results_json import Results
 from sim_action.results.shard_results import EarlierRun
 
 ScenarioChangeKind = ChangeKind | Literal["less margin", "slower", "weaker", "moves differently", "unchanged"]
-"""The kind of change of a scenario or gate; the last five are those whose verdict is the one of before.
+"""The kind of change of a scenario or gate; with the last five, the verdict is as before.
 
-- less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
+- less margin: a margin of the scenario, or of the runs of a gate, is less than half of the margin before.
 - slower: the real-time factor is less than half of the one of before.
 - weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
 """

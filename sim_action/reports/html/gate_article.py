@@ -351,7 +351,7 @@ _QUANTITIES: Final[tuple[tuple[str, str | None, Callable[[ExpectationOutcome], f
     ("measured", None, lambda expected: expected.verdict.measured),
     ("time", "s", lambda expected: expected.verdict.time),
 )
-"""The name of a quantity of an expectation, its unit unless it is that of the expectation, and its value."""
+"""The name of a quantity of an expectation, its unit (None: the expectation's unit), and its value."""
 
 
 def _tightest(run: Outcome) -> float | None:

@@ -180,7 +180,8 @@ class GhostSources:
                 return ""
             return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
 
-        world, command = world_changes(replay.scene, theirs.scene), None
+        world = world_changes(replay.scene, theirs.scene)
+        command = None
         if not is_same:
             block = f"ghost-{identity}"
             base_ghost = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)

@@ -87,7 +87,7 @@ def read_runs(places: Sequence[str]) -> list[EarlierRun]:
 
 
 def histories(runs: Sequence[EarlierRun]) -> list[History]:
-    """Return the expectations of all scenarios: those that are broken now first."""
+    """Return the expectations of all scenarios, the currently broken ones first."""
     points: dict[tuple[str, str], dict[str, list[Point]]] = {}
     for number, run in enumerate(runs):
         for outcome in (candidate for candidate in run.outcomes if not candidate.is_sample):

@@ -1,4 +1,4 @@
-"""The pages of `view --live`: the progress of a call that goes on, and the report of what has finished.
+"""The pages of `view --live`: the progress of a running call, and the report of finished scenarios.
 
 A script of their own (`viewer/live.js`) asks the server for the state, which is JSON. Every text in the state is shown
 as text.

@@ -52,7 +52,7 @@ class PagePlan:
 
 
 def planned_page(unordered: Sequence[ScenarioGroup], most: int) -> PagePlan:
-    """Return the plan of a page with at most `most` runs: the worst ones, first those that count by themselves."""
+    """Return the plan of a page with at most `most` runs: the worst ones, and runs that count by themselves first."""
     groups = worst_first(unordered)
     everything = [outcome for group in groups for outcome in group.worst_first()]
     runs = sorted(everything, key=lambda run: (WORST_FIRST.index(run.display_status), run.is_sample))[:most]
@@ -110,13 +110,14 @@ def _replay(outcome: Outcome | None) -> str:
 
 
 def _numbers(named: Sequence[tuple[str, str]]) -> list[int]:
-    """Return the number of each article among those of its name, equal to the number in links to its replay."""
+    """Return the number of each article among articles of its name, equal to the number in links to its replay."""
     taken: defaultdict[str, set[int]] = defaultdict(set)
     # The next number to try for a name, so that many equal names do not take quadratic time.
     free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
     numbers = [0] * len(named)
     for place, (name, replay) in sorted(enumerate(named), key=lambda entry: not entry[1][1]):
-        stated, shown = namesake_number(name, replay), one_line(name)
+        stated = namesake_number(name, replay)
+        shown = one_line(name)
         number = next(number for number in chain([stated], free[shown]) if number not in taken[shown])
         taken[shown].add(number)
         numbers[place] = number

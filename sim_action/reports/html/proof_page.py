@@ -1,4 +1,4 @@
-"""The report of `sim-action prove`: the findings, and each mutant that survived beside the run without a fault."""
+"""The report of `sim-action prove`: the findings, and each mutant that survived, next to the run without a fault."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ _ORDER: Final[tuple[DisplayStatus, ...]] = ("failed", "inconclusive", "passed")
 
 @dataclass(frozen=True, slots=True)
 class _Runs:
-    """The entries of a scenario on the page: that of the scenario, and one for each survivor."""
+    """The entries of a scenario on the page: one for the scenario, and one for each survivor."""
 
     shown: ShownScenario
     entry: PageEntry
@@ -126,7 +126,8 @@ def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOpti
 
 def _entries(shown: Sequence[ShownScenario]) -> Iterator[_Runs]:
     """Yield the entries of each scenario, numbered through the page."""
-    places, names = iter(range(1 << 30)), Counter[str]()
+    places = iter(range(1 << 30))
+    names = Counter[str]()
 
     def entry(name: str, kind: DisplayStatus, outcome: Outcome | None, *, survives: bool) -> PageEntry:
         names[one_line(name)] += 1
@@ -148,7 +149,7 @@ def _entries(shown: Sequence[ShownScenario]) -> Iterator[_Runs]:
 
 
 class _Drawer:
-    """It reads replays, keeps those that fit into the page, and draws them for readers without scripts."""
+    """Reads replays, keeps as many as fit into the page, and draws them for readers without scripts."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._reader, self._outlines = folder, ReplayReader(), SceneOutlines()
@@ -188,7 +189,8 @@ def _list_item(runs: _Runs) -> Html:
     link = list_link(entry.identity, status_mark(entry.status), entry.name, _status_text(runs.shown))
     if not runs.survivors:
         return element("li", link)
-    mark, items = element("span", "!", class_="mark"), []
+    mark = element("span", "!", class_="mark")
+    items = []
     for entry, mutant in zip(runs.survivors, runs.shown.scenario.survivors, strict=True):
         change = mutant.change.text if mutant.change else ""
         items.append(element("li", list_link(entry.identity, mark, mutant.name, change)))

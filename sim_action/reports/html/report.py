@@ -115,7 +115,8 @@ def _run_articles(
     plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
 ) -> tuple[dict[str, bytes], dict[int, RunLook]]:
     """Return the packed articles of runs by element id, worst first, and by `id()` of an outcome its replay's look."""
-    reader, outlines = ReplayReader(), SceneOutlines()
+    reader = ReplayReader()
+    outlines = SceneOutlines()
     articles: dict[str, bytes] = {}
     looks: dict[int, RunLook] = {}
     passes = False

@@ -182,7 +182,7 @@ def measurements(outcome: Outcome) -> Html:
 
 
 def _bar(left: tuple[float | None, float | None] | None) -> Html:
-    """Return the bar of a factor in a tornado chart: what is left of its range below and above its value."""
+    """Return the bar of a factor in a tornado chart: the rest of its range below and above its value."""
     if left is None:
         return Html("")
     marks = []

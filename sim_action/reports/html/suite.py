@@ -170,7 +170,8 @@ class _SuiteTable:
             nearest = element("td", element("span", group.ending, class_="what"), class_="nearest")
             nearest = nearest if group.gate is not None or group.is_part else nearest_cell(shown)
         else:
-            name, nearest = name_cell(shown, self._plan.ids[id(shown)]), nearest_cell(shown)
+            name = name_cell(shown, self._plan.ids[id(shown)])
+            nearest = nearest_cell(shown)
         changed = "" if change is None else shortened(change.gist, _MAX_CHANGE)
         return element(
             "tr",
@@ -208,7 +209,7 @@ def _rounded(value: float) -> str | None:
 _MAX_TEXT: Final = 300
 _HALF: Final = 50  # half of the width of a bar of a margin, which is 100 % of the limit
 _LEAST_BAR: Final = 1.5
-_NO_VERDICT: Final = -2.0  # the margin by which runs without a verdict are sorted: before those that failed
+_NO_VERDICT: Final = -2.0  # the margin by which runs without a verdict are sorted: before failed runs
 
 
 def name_cell(outcome: Outcome, identity: str) -> Html:

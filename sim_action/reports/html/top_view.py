@@ -59,7 +59,7 @@ class SceneOutlines:
 def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = None) -> Html:
     """Return an SVG with 1 unit per metre and y up; the style sheet gives its size on the page.
 
-    `outlines`: those of the drawings before.
+    `outlines`: the outlines of earlier drawings.
     """
     outlines = outlines or SceneOutlines()
     # (N, 2) positions of the base in m, evenly sampled, with the first and the last one.
@@ -129,7 +129,7 @@ def _in_view(bodies: Iterable[FloatArray], box: tuple[float, float, float, float
 
 
 def _marks_in_world(replay: Replay) -> list[scene_data.MarkData]:
-    """Return the marks in the world frame; those that move with a link are drawn where they are at the end."""
+    """Return the marks in the world frame; marks that move with a link are drawn where they are at the end."""
     if all(mark.link is None for mark in replay.marks):
         return list(replay.marks)
     frames = _link_frames(replay.scene, _postures(replay, replay.frames.count - 1)[0])
