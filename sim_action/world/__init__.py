@@ -57,11 +57,11 @@ __all__ = [
 ]
 
 MAX_PATCHES: Final = 50
-MAX_ACTORS: Final = 20  # the largest number of robots beside the one under test
+MAX_ACTORS: Final = 20  # the largest number of robots that are not under test
 
 
 class Actor(Robot):
-    """A robot beside the one under test, which expectations can name like an object."""
+    """An additional robot, not under test, which expectations can name like an object."""
 
     name: Annotated[
         Name, Field(pattern="^[^/]*$", description="name in expectations and reports; its links are NAME/LINK")

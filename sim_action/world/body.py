@@ -97,7 +97,7 @@ class PosePath:
         return cls(tuple(point.at for point in points), numbers, loops, pace)
 
     def numbers(self, time: float) -> Numbers:
-        """Return the numbers at a time in s; before the first point, those of the first point."""
+        """Return the numbers at a time in s; before the time of the first point, its numbers."""
         if self.pace:
             # The time in s of the path at a sim time in s.
             along, since, speed = 0.0, 0.0, 1.0
@@ -348,7 +348,7 @@ class Body(field_types.FrozenModel):
 
     @property
     def beginning(self) -> field_types.Placement:
-        """The initial placement; on a path, that of its first point."""
+        """The initial placement; on a path, the placement of its first point."""
         return placements(self.pose, self.path[:1])[0] if self.path else self.pose
 
     @model_validator(mode="after")
@@ -372,7 +372,7 @@ class Body(field_types.FrozenModel):
 
     @property
     def has_own_inertia(self) -> bool:
-        """True if it can move, and its mass properties are not those of a single shape."""
+        """True if it can move, and its mass properties do not follow from a single shape."""
         stated = self.center_of_mass is not None or self.inertia is not None
         return self.mass is not None and (self.shapes is not None or stated)
 

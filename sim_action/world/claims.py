@@ -2,7 +2,7 @@
 
 An error is a claim that cannot fail in any world, and refuses the scenario. A warning is a claim that cannot fail in
 this scenario, and is shown in every report. Each finding carries the name of its rule. The key `allow` of a scenario
-lists rules whose findings are accepted; that of an expectation accepts only findings on it.
+lists rules whose findings are accepted; `allow` of an expectation accepts only findings on it.
 
 Assertions and command sources yield the findings about themselves, from `Setting` and from `JudgedRun`. They are
 collected in `scenario/checks.py`, and after a run in `simulation/run_audit.py`, with the rules about whole scenarios.
@@ -214,7 +214,7 @@ class JudgedRun:
     wrench: float = 0.0  # the greatest force in N, or torque in N m, that was commanded on a link
     fastest: float = 0.0  # the greatest linear speed that was commanded, in m/s
     time_limit: float = 0.0  # of the scenario, in s
-    is_part: bool = False  # True if the verdict is that of a part of an expectation that passed
+    is_part: bool = False  # True if the verdict is about a part of an expectation that passed
     is_negated: bool = False  # True if that part must not hold
 
     @property
@@ -264,7 +264,7 @@ def _half_a_turn(_: Setting) -> float:
 class Ceiling:
     """The greatest value that a quantity has in any run: a limit that is not below it checks nothing."""
 
-    key: str  # of the limit; that of an inner key has a dot
+    key: str  # of the limit; an inner key is written with a dot
     unit: str  # the SI unit of the limit
     why: str  # the reason as a clause
     most: Callable[[Setting], float] = _half_a_turn  # returns the value

@@ -70,7 +70,7 @@ Part = BoxPart | CylinderPart | SpherePart | HullPart | GridPart | SurfacePart
 
 
 def moved(part: Part, pose: Pose) -> Part:
-    """Return a part at another place: `pose` is that of its frame. Terrain stays where it is."""
+    """Return a part at another place; `pose`: the pose of its frame. Terrain stays where it is."""
     if pose == Pose() or isinstance(part, GridPart):
         return part
     if isinstance(part, HullPart):

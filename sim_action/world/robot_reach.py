@@ -1,7 +1,7 @@
 """The reach of a robot, for the audit of claims: places of a link, readings of a joint, bodies and patches.
 
 The distance of a link from the first moving joint between its frame and the link is at most the sum of the distances
-between the joints: joints turn about these places, whatever their positions. Only such certain findings are reported.
+between the joints: joints turn about these places in all positions. Only such certain findings are reported.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def joints_between(scene: Scene, link: str | None, frame: str) -> tuple[str, ...
 
 
 def least_distance(scene: Scene, link: str, other: str) -> float:
-    """Return a lower bound of the distance in m of the shapes of two links, whatever their joints; 0 if none is known.
+    """Return a lower bound of the distance in m of two links' shapes, for all joint positions; 0 if none is known.
 
     The axes of two joints that follow each other keep their distance, and a shape turns about the axis of its own.
     """
@@ -186,7 +186,8 @@ def beyond_motor(scene: Scene, name: str, reading: str, limit: float) -> str | N
 
 def joint_range_in(run: JudgedRun, name: str, reading: str) -> tuple[float, float]:
     """Return the least and the greatest reading that a joint has in the time limit, moved by nothing but its motor."""
-    joint, (low, high) = run.scene.model.joints_by_name.get(name), joint_range(run.scene, name, reading)
+    joint = run.scene.model.joints_by_name.get(name)
+    low, high = joint_range(run.scene, name, reading)
     if joint is None or reading != "position" or not joint.max_velocity or run.is_pushed((name,)):
         return low, high
     column = run.trace.joint_names.index(name)
@@ -265,7 +266,7 @@ def _is_out_of_reach(run: JudgedRun, body: Body, distance: float) -> bool:
     bottom, top = z + lowest(parts, pose.orientation_xyzw), z - lowest(parts, upside_down)
     heights, extent = run.trace.base_position_xyz[:, 2], _stretched(run.scene)
     low, high = float(heights.min()), float(heights.max())
-    # A robot that falls below the ground may touch what is there, one that flies may touch what is above it.
+    # A robot that falls below the ground may touch bodies there, one that flies may touch bodies above it.
     if top + distance < min(0.0, low + _SLACK_M):
         return True
     return bottom > high + extent + distance and low <= extent and high - low <= _DRIVEN_M

@@ -44,7 +44,7 @@ class WorldPlaces:
     """The places of models in the world file of a scenario."""
 
     bodies: Mapping[str, Location] = field(default_factory=dict)  # name of a body of the file -> its place
-    robot: Location | None = None  # the place of the model that is the robot, if `robot.pose` is that of the file
+    robot: Location | None = None  # the place of the model that is the robot, if `robot.pose` is from the file
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Scene:
     # name of a body -> its parts, for bodies whose shapes were read from files
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     sensors: tuple[Fitting, ...] = ()  # of the scenario
-    # number of a command source among those that run the same code; each draws its own random numbers
+    # number of a command source among all sources that run the same code; each draws its own random numbers
     namesake: int = 0
     file: str = ""  # path of the scenario, as in reports
     variation: str = ""  # suffix that distinguishes this variation in file names; or empty
@@ -218,7 +218,8 @@ class Scene:
     @property
     def extent(self) -> float:
         """An upper bound in m on the distance of the robot's shapes from the origin of its base link at the start."""
-        poses, ends = link_poses(self.model, self.joint_positions), [0.0]
+        poses = link_poses(self.model, self.joint_positions)
+        ends = [0.0]
         for link in self.model.links:
             at = math.hypot(*poses[link.name].position_xyz)
             for shape in link.collisions:

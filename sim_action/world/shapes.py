@@ -38,7 +38,7 @@ class Sphere(FrozenModel):
 class Ramp(FrozenModel):
     """A wedge that rises along its own x axis, from 0 to its height over its length.
 
-    Its `pose` is that of the centre of its bounding box: a ramp of 1 m at `x: 2` starts at 1.5 m. It is fixed. To drive
+    Its `pose` places the centre of its bounding box: a ramp of 1 m at `x: 2` starts at 1.5 m. It is fixed. To drive
     up, the product of both frictions must exceed the tangent of the angle; the default friction of a body is 0.5.
     """
 
@@ -70,7 +70,7 @@ class Ramp(FrozenModel):
 class Stairs(FrozenModel):
     """Steps that rise along their own x axis, each `rise` high and `run` deep.
 
-    The `pose` is that of the centre of the bounding box of all steps. Stairs are fixed.
+    The `pose` places the centre of the bounding box of all steps. Stairs are fixed.
     """
 
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
@@ -124,7 +124,7 @@ File = Annotated[str, NamesFile(), Field(min_length=1)]
 class MeshFile(FrozenModel):
     """A triangle mesh from a file; a body with a mass gets its convex hull, of uniform density.
 
-    Its `pose` is that of the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
+    Its `pose` places the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
     hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 20,000 on MuJoCo, which gets a piece
     of at most 5 mm behind each triangle. Corners are counter-clockwise as seen from the front.
     """
@@ -138,8 +138,8 @@ class MeshFile(FrozenModel):
 class Heightfield(FrozenModel):
     """Terrain from a grid of heights, joined by triangles.
 
-    Rows go from the highest y to the lowest, like those of an image. The two triangles of a cell meet on the line from
-    its lowest x and y to its highest. With `z: 0` in the `pose`, heights are those of the world; without z, the lowest
+    Rows go from the highest y to the lowest, as in an image. The two triangles of a cell meet on the line from
+    its lowest x and y to its highest. With `z: 0` in the `pose`, heights are world coordinates; without z, the lowest
     sample is on the ground: heights from -1 m to 2 m then reach up to 3 m. A robot that starts on the terrain needs its
     own z. At most 250,000 samples (500 x 500). A heightfield is fixed.
     """

@@ -146,7 +146,7 @@ def _not_numbers(
     if is_expression(text):
         message += "; this is a xacro expression: expand the file, or use the .xacro file as the model"
     if is_expression(text) and not required:
-        # A wrong place of what is only drawn does not change the motion.
+        # A wrong place of a visual does not change the motion.
         rule = "passed-over" if path.startswith("link/visual") else "unexpanded-expression"
         yield document.finding(rule, element, message)
     elif not is_numbers(text, count):
@@ -390,7 +390,7 @@ def frictions(document: ModelDocument) -> Iterator[Finding]:
 
 
 def unread_parts(document: ModelDocument) -> Iterator[Finding]:
-    """Yield a note for each kind of parts that are not read: those that are lost, harmless or unknown."""
+    """Yield a note for each kind of parts that are not read: lost, harmless or unknown."""
     notes = Notes(places=dict(document.places))
     for holder in (document.root, *document.elements("link", "joint")):
         owner = "the model" if holder is document.root else f"{holder.tag} '{holder.get('name', '')}'"
@@ -410,7 +410,8 @@ def unread_parts(document: ModelDocument) -> Iterator[Finding]:
 
 def unread_parts_of_srdf(document: ModelDocument) -> Iterator[Finding]:
     """Yield a note for each kind of parts of an SRDF that are not read."""
-    notes, table = Notes(places=dict(document.places)), part_table("srdf")
+    notes = Notes(places=dict(document.places))
+    table = part_table("srdf")
     for part in table.unread(document.root, "robot"):
         _note_unread(notes, part, "the SRDF", table)
     notes.report_parts()
@@ -424,7 +425,7 @@ def _note_tag(notes: Notes, tag: Element, kind: str) -> None:
     for part in urdf.unread(tag, f"gazebo/{kind}", tuple(child.tag for child in tag)):
         _note_unread(notes, part, owner, urdf)
     for child in tag:
-        # The inside of other parts is not read, or is that of a plugin.
+        # The inside of other parts is not read, or belongs to a plugin.
         if child.tag in ("collision", "velocity_decay", "physics"):
             for part in sdf.unread(child, sdf.place(kind, child.tag)):
                 _note_unread(notes, part, owner, sdf)

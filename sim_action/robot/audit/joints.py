@@ -162,7 +162,8 @@ def mimic_limits(document: ModelDocument) -> Iterator[Finding]:
         mimic = joint.find("mimic")
         if mimic is None or mimic_problem(joint, joints) is not None:
             continue
-        (lower, upper), (low, high) = _range(joint), _taken(mimic, joints[mimic.attrib["joint"]])
+        lower, upper = _range(joint)
+        low, high = _taken(mimic, joints[mimic.attrib["joint"]])
         slack = _ROUNDING * min(1.0, upper - lower)
         if lower <= upper and (low < lower - slack or high > upper + slack):
             leader = mimic.attrib["joint"]
@@ -310,7 +311,8 @@ def _rooted(
         )
         yield document.finding("one-root", document.root, f"the model must have one root link, but it has {problem}")
         return
-    reached, waiting = set[str](), [roots[0]]
+    reached = set[str]()
+    waiting = [roots[0]]
     while waiting:
         link = waiting.pop()
         if link not in reached:

@@ -91,7 +91,8 @@ def _control_mimics(document: ModelDocument, added: dict[Element, Location]) -> 
     joints = {joint.get("name"): joint for joint in document.elements("joint")}
     for control in document.elements("ros2_control/joint"):
         stated = {param.get("name", ""): param for param in control.findall("param")}
-        joint, leader = joints.get(control.get("name")), stated.get("mimic")
+        joint = joints.get(control.get("name"))
+        leader = stated.get("mimic")
         if leader is None or joint is None or joint.find("mimic") is not None:
             continue
         mimic = ET.SubElement(joint, "mimic", joint=(leader.text or "").strip())
@@ -157,7 +158,8 @@ def expand_series(document: ModelDocument) -> Series:
 def _expand(root: Element, joint: Element, made: Series) -> None:
     name, kind, names = joint.attrib["name"], joint.attrib["type"], part_names(joint)
     ends = [*names, child_of(joint)] if kind == "floating" else [*names[:-1], child_of(joint)]
-    above, parts = parent_of(joint), list[Element]()
+    above = parent_of(joint)
+    parts = list[Element]()
     for made_joint, end, (motion, along) in zip(names, ends, _motions(joint), strict=False):
         written = _joint(made_joint, motion, above, end)
         ET.SubElement(written, "axis", xyz=" ".join(map(repr, along)))

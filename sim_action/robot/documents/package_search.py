@@ -52,7 +52,9 @@ class PackageFolders:
 def folders_below(root: Path, *, inside_packages: bool, follows_links: bool = False) -> PackageFolders:
     """Return the packages and models in and below a folder; `follows_links`: also read files outside of `root`."""
     packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
-    walk, names, own = _Walk(root, inside_packages), PackageNames(), root.resolve()
+    walk = _Walk(root, inside_packages)
+    names = PackageNames()
+    own = root.resolve()
     for folder, files in walk.folders():
         if PACKAGE_FILE in files:
             is_own = follows_links or _is_in(folder / PACKAGE_FILE, own)
@@ -191,7 +193,9 @@ class _DoctypeFound(Exception):
 
 def _name_in(data: bytes) -> str:
     """Return the text of <package><name>; empty if it cannot be read."""
-    parser, opened, texts = expat.ParserCreate(), list[str](), list[str]()
+    parser = expat.ParserCreate()
+    opened = list[str]()
+    texts = list[str]()
 
     def add(text: str) -> None:
         if opened == ["package", "name"]:

@@ -190,7 +190,8 @@ class Packages:
 
     def locate(self, reference: str, referrer: Path) -> Found:
         """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
-        referring_file, first = referrer.resolve(), None
+        referring_file = referrer.resolve()
+        first = None
         try:
             stated = Reference.parsed(reference)
         except ValueError as error:
@@ -257,7 +258,7 @@ class Packages:
             if folder.name == name and not (folder / PACKAGE_FILE).is_file():
                 yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {referrer.name}, is used")
         if (name, referrer) not in self._ordered:
-            # The search of the workspace does not find folders beside a model that may be outside of it.
+            # The model may be outside of the workspace, whose search misses the folders next to it.
             beside = folders_named(name, self._above(referrer))
             below = by_distance({*beside, *self._inside.folders.get(name, ())}, referrer)
             self._ordered[name, referrer] = below[:_MAX_SAME]
@@ -344,7 +345,9 @@ class Packages:
     def file(self, path: Path, reference: str) -> Path:
         """Return the file at an absolute path; `reference` is its text in the referring file. Raises PackageError."""
         resolved = self.place(path, reference)
-        is_file, is_folder, is_there = resolved.is_file(), resolved.is_dir(), resolved.exists()
+        is_file = resolved.is_file()
+        is_folder = resolved.is_dir()
+        is_there = resolved.exists()
         if is_there and not is_file and not is_folder:
             raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {resolved})")
         if not is_file:
@@ -439,7 +442,7 @@ class Packages:
         )
         places = ("robot.packages", f"{root} ({extent})", *self._environment_folders.described(variables))
         where = referrer.relative_to(root) if referrer.is_relative_to(root) else referrer
-        # A key of a scenario names it as if a file beside the scenario did.
+        # For a key of a scenario, `referrer` is not a file, but a path in the scenario's folder.
         what = f"{where} refers to the {kind} '{name}', which" if referrer.is_file() else f"the {kind} '{name}'"
         # The workspace may start below the package.
         outside = next((folder for folder in referrer.parents if folder.name == name), "FOLDER")

@@ -6,11 +6,11 @@ A table is the file `parts_FORMAT.json` in this folder. It maps places to rows o
 - effect: "read"; "harmless": the motion is the same without it; "reported": a finding names it; "moving": one names it
   in a model that moves; "refused".
 - names: child elements, and attributes as `@name`, separated by commas; `*`: all others. `name=1|true` lists the values
-  with which a reported part has no effect, and `name=0~0.02` those nearer to 0 than 0.02.
+  with which a reported part has no effect, and `name=0~0.02` values nearer to 0 than 0.02.
 - text: the function or class that reads the part; the reason why it is harmless or refused; the consequence.
 
-The table "world" has the rows in which models of a world differ from a robot in SDF; "gazebo_ros" those of the plugins
-that ROS 1 replaces, their sensors (`PLUGIN/sensor`), and the <gazebo> of a URDF in a launch.
+The table "world" has the rows in which models of a world differ from a robot in SDF; "gazebo_ros" has rows of plugins
+that ROS 1 replaces, of their sensors (`PLUGIN/sensor`), and of the <gazebo> of a URDF in a launch.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ CONTACT: Final = (
 """Elements of Bullet's <contact>, an extension of URDF, without inertia_scaling."""
 
 BALLS: Final = ("spherical", "ball")
-"""Types of ball joints, which dialects of URDF define: that of Bullet, and that of Drake."""
+"""Types of ball joints in dialects of URDF: Bullet's and Drake's."""
 
 UNLIMITED: Final = 1e16
 """A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""

@@ -118,7 +118,9 @@ def _parsed(data: bytes, file: str) -> ModelDocument:
 
 def _strict(data: bytes) -> tuple[bytes, int | None]:
     """Return a text with `=` for `-` in bad comments, and an entity for a bare `&`; and where the first change is."""
-    parts, at, first = list[bytes](), 0, None
+    parts = list[bytes]()
+    at = 0
+    first = None
     while len(parts) < _MAX_LENIENT and (token := _LENIENT.search(data, at)) is not None:
         start, begin = token.span()
         if token[0] == b"&":
@@ -142,7 +144,7 @@ def _parsed_strictly(data: bytes, file: str) -> ModelDocument:
         return _Parser(file).parse(data)
     except _LateDeclaration as late:
         line, text = late.line, data[late.start : late.end]
-        # The line numbers stay those of the file.
+        # White space in its place keeps the line numbers of the file.
         blank = data[: late.start] + re.sub(rb"[^\n]", b" ", text) + data[late.end :]
     stated = _ENCODING.search(text)
     document = _Parser(file, stated[1].decode() if stated else "utf-8").parse(blank)
@@ -163,7 +165,7 @@ class _Parser:
     """The state of parsing one file."""
 
     def __init__(self, file: str, encoding: str | None = None) -> None:
-        """`encoding`: that of a file whose declaration was late, and is blank now; None: the file has its own."""
+        """`encoding`: for a file whose declaration was late, and is blank now; None: the file states its own."""
         self._file, self._may_be_late = file, encoding is None
         self._builder = ET.TreeBuilder()
         self._expat = expat.ParserCreate(encoding)
@@ -252,7 +254,8 @@ def _unclosed(error: expat.ExpatError, data: bytes, line: bytes) -> str:
     """Return the end tag that was found, and the one that was expected."""
     closing = next((end for end in _CLOSING.finditer(line) if end.end() >= error.offset), None)
     # The elements that are open where the parser stops: their names and first lines.
-    parser, opened = expat.ParserCreate(), list[tuple[str, int]]()
+    parser = expat.ParserCreate()
+    opened = list[tuple[str, int]]()
     parser.StartElementHandler = lambda name, _: opened.append((name, parser.CurrentLineNumber))
     parser.EndElementHandler = lambda _: opened.pop()
     with suppress(expat.ExpatError, LookupError, ValueError):

@@ -21,7 +21,7 @@ REACHED_M: Final = 1e-6  # a pose is reached if the link is nearer to it than th
 REACHED_RAD: Final = 1e-6  # the same for its orientation, in rad
 
 MAX_STARTS: Final = 40
-"""The search for a pose begins at this many positions of the joints: the given one, and those of a fixed table."""
+"""The search for a pose begins at this many positions of the joints: the given one, and others from a fixed table."""
 
 MAX_POSITION_STARTS: Final = 12  # the same for the search for a position with any orientation, which is easier
 _EXACT: Final = 1e-11  # nearer than this, in m and rad, the positions are not improved any more
@@ -63,7 +63,7 @@ class Solution:
     values: Values
     pose: Pose  # the pose of the link there, in the base frame
     distance: float  # m, from the target
-    angle: float  # rad, between its orientation and that of the target; 0 if any orientation will do
+    angle: float  # rad, between its orientation and the target's; 0 if any orientation will do
     error: float  # m, of both together
 
     @property
@@ -77,7 +77,7 @@ class Chain:
     """The joints that move a link relative to the base."""
 
     link: str  # its name
-    joints: tuple[Joint, ...]  # those that can be commanded, from the base to the link
+    joints: tuple[Joint, ...]  # the joints that can be commanded, from the base to the link
     lower: Values  # lower, upper: their limits, in rad or m; infinite if there are none
     upper: Values
     fastest: Values  # their largest speeds, in rad/s or m/s; infinite if there is no limit
@@ -188,7 +188,7 @@ def _can_move(model: RobotModel, joint: Joint) -> bool:
 
 
 def _limits(sections: Sequence[_Section], column: int) -> tuple[float, float, float]:
-    """Return the lower and upper limit and the largest speed of a joint; those of joints that follow it count too."""
+    """Return the lower and upper limit and the largest speed of a joint; joints that follow it limit it too."""
     lower, upper, fastest = -math.inf, math.inf, math.inf
     for section in sections:
         joint, factor = section.joint, section.multiplier
@@ -348,7 +348,7 @@ _LEAST_SHARE: Final = 1e-12
 
 
 def damped_least_squares(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float]:
-    """Return J' (J J' + damping)^-1 e, by the Cholesky decomposition; `columns` are those of J, and e the error."""
+    """Return J' (J J' + damping)^-1 e, by the Cholesky decomposition; `columns`: of J; `error`: e."""
     rows = list(zip(*columns, strict=True)) if columns else [()] * len(error)
     factor: list[list[float]] = []
     solved: list[float] = []

@@ -89,7 +89,8 @@ def setting_problems(model: RobotModel, values: Mapping[str, float | str], hinte
     for name in several:
         if not _led(model, name):
             yield (name,), _sets_nothing(model, name, hinted)
-    first, reported = dict[str, str](), set[tuple[str, str]]()
+    first = dict[str, str]()
+    reported = set[tuple[str, str]]()
     for other, joints in joints_set_by(model, values).items():
         for joint in joints:
             one = first.setdefault(joint, other)

@@ -34,7 +34,8 @@ def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, P
     hanging: dict[str, list[Joint]] = {}
     for joint in model.joints:
         hanging.setdefault(joint.parent, []).append(joint)
-    poses, waiting = {model.root: Pose()}, [model.root]
+    poses = {model.root: Pose()}
+    waiting = [model.root]
     while waiting:
         parent = waiting.pop()
         for joint in hanging.get(parent, []):
@@ -57,7 +58,7 @@ def why_no_link(model: RobotModel, name: str) -> str | None:
 
 
 def why_no_frame(model: RobotModel, name: str) -> str | None:
-    """Return a message if a name is neither "world", "base" nor that of a link; else None."""
+    """Return a message if a name is neither "world", "base" nor the name of a link; else None."""
     links = model.links_by_name
     if name in links or name in {WORLD, BASE_FRAME}:
         return None
@@ -195,7 +196,7 @@ def _too_much(joint: Joint, reading: Reading, value: float, limit: float | None)
 
 @dataclass(frozen=True, slots=True)
 class Mobility:
-    """The motions that a drive allows; by default those of a robot that turns in place about its base link's origin."""
+    """The motions that a drive allows; by default, the robot turns in place about its base link's origin."""
 
     heading: float = 0.0  # rad, direction of forward motion, from the base's x axis to the left
     ahead: float = 0.0  # m, along the heading, from the axle about which the robot turns to the base link's origin
@@ -230,7 +231,7 @@ class SameModel:
         return id(self.model)
 
 
-_POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z cannot be told apart
+_POLE: Final = 1e-30  # keeps the rates of a ball joint finite where its angles about x and z are ambiguous
 Frames = Pose  # a pose whose numbers are columns (T,): the poses of one frame at T moments
 
 
@@ -337,7 +338,7 @@ class LinkStates(Mapping[str, LinkState]):
         joints: Mapping[str, JointState],
         functions: ModuleType = math,
     ) -> None:
-        """`pose` and `twist` are those of the base link; `functions`: the module with `sin` and `cos`."""
+        """`pose` and `twist`: of the base link; `functions`: the module with `sin` and `cos`."""
         self.model, self._base, self._joints, self._functions = model, (pose, twist), joints, functions
         self._known: dict[str, LinkState] | None = None
 

@@ -117,7 +117,7 @@ class Mjcf:
     # m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one
     floor: float = 0.0
     excluded: frozenset[frozenset[str]] = frozenset()  # pairs of bodies that <exclude> lets pass through each other
-    # pairs of geoms that <pair> lets collide, whatever their contype and conaffinity
+    # pairs of geoms that <pair> lets collide, independent of their contype and conaffinity
     paired: frozenset[frozenset[str]] = frozenset()
     floor_look: FloorLook | None = None  # how the file draws that plane; None if it does not say
     # name of an <adhesion> actuator -> its link, and the largest force in N
@@ -140,7 +140,7 @@ WORLD: Final = "world"  # a root link with this name is fixed to the world, as i
 MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
 """Types of joints with one degree of freedom, which a motor can move."""
 
-_POLE: Final = 1 - 1e-12  # nearer to a quarter turn about y, the angles about x and z cannot be told apart
+_POLE: Final = 1 - 1e-12  # nearer to a quarter turn about y, the angles about x and z are ambiguous
 
 # PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
 ENGINE_MARGIN_M: Final = 0.001
@@ -182,7 +182,7 @@ class Visual:
 class Surface:
     """The contact properties of a link."""
 
-    # coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer
+    # coefficient, multiplied by the other body's; the default is from Bullet's URDF importer
     friction: float = 0.5
     stiffness: float | None = None  # N/m, of a contact; None: as stiff as the engine allows
     damping: float = 1.0  # N s/m; used with a stiffness only
@@ -382,7 +382,7 @@ class RobotModel:
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints with a position, in the order of the file, but those of ball joints come last."""
+        """The joints with a position, in the order of the file; ball joints come last."""
         return (*self.motor_joints, *(joint for joint in self.joints if joint.type == "ball"))
 
     @cached_property
@@ -417,7 +417,7 @@ class RobotModel:
         return next(link.name for link in self.links if link.name not in self.joints_to)
 
     def link_of(self, name: str) -> str:
-        """Return the link of an <adhesion> actuator of MJCF; another name is that of a link."""
+        """Return the link of an <adhesion> actuator of MJCF; any other name is the name of a link."""
         return self.mjcf.adhesion.get(name, (name,))[0] if self.mjcf else name
 
     def why_not_driven(self, name: str, reading: Reading | None = None) -> str | None:

@@ -63,7 +63,8 @@ def _kind(interface: str) -> str:
 
 def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages) -> tuple[Plugin, ...]:
     """Return the plugins of a model, and the controllers in their parameter files, each of which is read once."""
-    model_plugins, read = list[Plugin](), dict[Path, tuple[Plugin, ...] | str]()
+    model_plugins = list[Plugin]()
+    read = dict[Path, tuple[Plugin, ...] | str]()
     for plugin in plugins:
         unread = []
         references = plugin.texts("parameters") if _CONTROL_PLUGIN.fullmatch(plugin.name) else ()

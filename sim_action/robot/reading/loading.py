@@ -150,7 +150,8 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
     from sim_action.robot.reading.sdf.conversion import urdf_of_sdf  # a usual run does without it
 
     urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
-    model, (kept, harmless) = model_of(urdf, path, packages, allow), without_harmless(findings)
+    model = model_of(urdf, path, packages, allow)
+    kept, harmless = without_harmless(findings)
     return replace(model, findings=(*model.findings, *kept), harmless=harmless)
 
 
@@ -301,7 +302,7 @@ class _Reader:
         )
 
     def _joints_of_groups(self) -> dict[str, set[str]]:
-        """Return the joints of each group: its own, those of its links and chains, and those of its groups."""
+        """Return the joints of each group: its own, and the joints of its links, chains and groups."""
         inner = {name: dict.fromkeys(self._inner_groups(element)) for name, element in self._groups.items()}
         try:
             order = [*TopologicalSorter(inner).static_order()]

@@ -195,7 +195,8 @@ def _joints(document: ModelDocument, series: Series) -> tuple[tuple[Joint, ...],
 
 
 def _joint(document: ModelDocument, element: Element) -> Joint:
-    kind, limit = cast(JointType, element.attrib["type"]), element.find("limit")
+    kind = cast(JointType, element.attrib["type"])
+    limit = element.find("limit")
     lower, upper = limits(element)
     stiffness, at_rest = spring_of(document, element)
     return Joint(
@@ -234,7 +235,8 @@ def materials(document: ModelDocument) -> dict[str, Paint]:
     """Return the colours of all named materials, at the top level and in link_rules."""
     paints: dict[str, Paint] = {}
     for material in document.elements("link/visual/material", "material"):
-        paint, name = _stated(material), material.get("name")
+        paint = _stated(material)
+        name = material.get("name")
         if paint is not None and name:
             paints[name] = paint
     return paints

@@ -17,7 +17,7 @@ from sim_action.world import MeshFile
 from sim_action.world.parts import HullPart, SurfacePart
 from sim_action.world.shapes import MAX_LENGTH_M, MIN_LENGTH_M, ShapeError, found_file
 
-MAX_TRIANGLES: Final = 40_000  # limit for a body that is not convex: that of PyBullet
+MAX_TRIANGLES: Final = 40_000  # PyBullet's limit for a body that is not convex
 _SAMPLED: Final = 1000
 
 

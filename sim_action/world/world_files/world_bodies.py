@@ -97,7 +97,7 @@ class ShapeReader:
     losses: LossList
     notes: Notes
     has_ground: bool = False
-    ground_friction: float | None = None  # that of the ground plane; None if there is none in the file
+    ground_friction: float | None = None  # of the ground plane; None if the file has none
     _meshes: dict[_MeshKey, tuple[Part, ...] | str] = field(default_factory=dict)
     _simplified: dict[_MeshKey, float] = field(default_factory=dict)
 
@@ -470,7 +470,7 @@ class BodyReader:
 
 
 def _groups(scope: Scope) -> list[_Group]:
-    """Return the links of a model that move as one: those that are joined, and all that are static."""
+    """Return the links of a model that move as one: groups of joined links, and all static links."""
     links = tuple(scope.all_of("link"))
     if scope.static:
         return [_Group(links, fixed=True)] if links else []

@@ -2,8 +2,8 @@
 
 MuJoCo opens the files that a model names. It gets a text that was written here instead. Included files are part of the
 text, and each name of a mesh in it stands for a file that was resolved in the workspace. `FILES` lists the elements
-that may name a file; a format that is read later gets a row there. An attribute whose name looks like that of a file,
-and that has no row, is refused. Counts that could exhaust the memory are limited.
+that may name a file; a format that is read later gets a row there. An attribute without a row whose
+name matches `LIKE_A_FILE` is refused. Counts that could exhaust the memory are limited.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _check_number(tag: str, name: str, text: str, most: int, place: Location) ->
 _NO_COLOUR: Final = [0.5, 0.5, 0.5, 1.0]
 _FIRST, _SECOND = "0.8 0.8 0.8", "0.5 0.5 0.5"
 
-# m: smaller squares could not be told apart, and larger ones are not seen as such.
+# m: smaller squares could not be distinguished, and larger ones do not look like squares.
 _MIN_SQUARE_M: Final = 0.01
 _MAX_SQUARE_M: Final = 1_000.0
 
@@ -182,12 +182,12 @@ _MAX_SQUARE_M: Final = 1_000.0
 class Pattern:
     """A texture that MuJoCo computes, on a material."""
 
-    # first, second: red, green and blue; the second one is that of every other square, None without squares
+    # first, second: red, green and blue; `second` is for every other square, None without squares
     first: tuple[float, ...]
     second: tuple[float, ...] | None
     # pictures along the x axis, in a metre or on the whole plane; a picture has two squares along a side
     repeats: float
-    is_uniform: bool  # True if they are those in a metre
+    is_uniform: bool  # True if `repeats` counts pictures in a metre
 
 
 def patterns_of(root: Element) -> dict[str, Pattern]:
@@ -267,7 +267,7 @@ class MjcfFiles:
     # the parts that are not read: rule and message of each kind -> its places
     left_out: Mapping[tuple[str, str], Places] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()  # notes about files that are spelled otherwise
-    # material -> its texture, if MuJoCo computes it; those of the text, which lacks textures
+    # material of the text, which lacks textures -> its texture, if MuJoCo computes it
     patterns: Mapping[str, Pattern] = field(default_factory=dict)
 
     def place(self, line: int) -> Location | None:
@@ -282,7 +282,7 @@ def collect_files(path: Path, packages: Packages) -> MjcfFiles:
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """A file of a model; `folder`: its folder, relative to that of the main file."""
+    """A file of a model; `folder`: its folder, relative to the main file's folder."""
 
     document: ModelDocument
     folder: Path

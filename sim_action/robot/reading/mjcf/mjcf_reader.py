@@ -125,7 +125,7 @@ def _belts(model: Any, built: Built) -> Iterator[Finding]:
 
 
 def _open_meshes(model: Any, built: Built) -> Iterator[Finding]:
-    """Yield meshes that give a body its mass although their faces do not close: their volume is not that of a solid."""
+    """Yield meshes that give a body its mass although their faces do not close, so that their volume is wrong."""
     import mujoco
 
     weighing: dict[str, tuple[Any, Any]] = {}
@@ -181,7 +181,8 @@ class _Reader:
         self._types: Any = mjtJoint
         single = {int(mjtJoint.mjJNT_HINGE), int(mjtJoint.mjJNT_SLIDE)}
         # Lists, because reading single numbers of MuJoCo's arrays takes far longer.
-        self._kinds, self._first_joints = model.jnt_type.tolist(), model.body_jntadr.tolist()
+        self._kinds = model.jnt_type.tolist()
+        self._first_joints = model.body_jntadr.tolist()
         self._joint_names = _names(model, model.name_jntadr)
         names = [name for name, kind in zip(self._joint_names, self._kinds, strict=True) if kind in single]
         self._model, self._built = model, built
@@ -233,7 +234,7 @@ class _Reader:
         )
 
     def _visual(self, geom: int) -> robot_model.Visual | None:
-        """Return what is drawn of a geom; None if it cannot be drawn."""
+        """Return the visual of a geom; None if it cannot be drawn."""
         model = self._model
         kind = _SHAPES[model.geom_type[geom]]
         pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
@@ -322,7 +323,8 @@ def at_zero(joints: Sequence[robot_model.Joint]) -> list[robot_model.Joint]:
         return list(joints)
     # With J(i) the motion of joint i and D(i) that to position zero, the child is at origin J(1) D(1) J(2) D(2) ...
     # Each D is moved to the front, past the joints before it: this turns and moves their axes.
-    back, moved = Pose(), []
+    back = Pose()
+    moved = []
     for joint in joints:
         moved.append(replace(joint, **_carried(joint, back)))
         back = geometry.compose(back, joint_motion(joint, -joint.reference))
@@ -340,7 +342,8 @@ def _carried(joint: robot_model.Joint, motion: Pose) -> dict[str, Any]:
 
 def _paint(model: Any, geom: int) -> tuple[robot_model.Color | None, float]:
     """Return colour and opacity of a geom, or else of its material; no colour if neither states one."""
-    stated, material = tuple(model.geom_rgba[geom].tolist()), int(model.geom_matid[geom])
+    stated = tuple(model.geom_rgba[geom].tolist())
+    material = int(model.geom_matid[geom])
     if stated == _NO_COLOUR:
         if material < 0:
             return None, 1.0
@@ -377,7 +380,7 @@ def _mimics(model: Any, motors: Mapping[str, robot_model.Motor]) -> dict[str, ro
             continue
         follower, leader = model.joint(one).name, model.joint(other).name
         offset, multiplier = model.eq_data[number, :2].tolist()
-        # The polynomial is that of the distances from the references.
+        # The polynomial applies to the distances from the references.
         zero, start = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
         offset += zero - multiplier * start
         driven, drives = (name in motors and not motors[name].tendon for name in (follower, leader))

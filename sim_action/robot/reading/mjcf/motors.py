@@ -43,7 +43,8 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
     spec, joints = built.spec, set(moving)
     tendons = {tendon.name: _joints_of(tendon) for tendon in spec.tendons}
     candidates = [(actuator, kind) for actuator in spec.actuators if (kind := _kind(actuator)) is not None]
-    motors, commanded = dict[str, Motor](), set[str]()
+    motors = dict[str, Motor]()
+    commanded = set[str]()
     # A position servo comes before others.
     for actuator, kind in sorted(candidates, key=lambda candidate: _RANKS[candidate[1]]):
         name = actuator.target

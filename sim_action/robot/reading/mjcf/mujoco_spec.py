@@ -55,7 +55,7 @@ class Built:
     drawn: Mapping[str, MeshFile]  # mesh name -> its file, for meshes that are drawn from their files
     # joint name -> its first number and its count in `qpos` of the file, with all bodies
     positions: Mapping[str, tuple[int, int]]
-    keyframes: tuple[StatedKeyframe, ...]  # those of the file, in its order
+    keyframes: tuple[StatedKeyframe, ...]  # in the order of the file
     actuators: Mapping[str, int]  # name -> the number of its controls, in the order of the file
     notes: Notes  # parts that are left out
 
@@ -73,7 +73,8 @@ def build(files: MjcfFiles, place: Location) -> Built:
     paired = frozenset(frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs)
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
-    drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
+    drawn = dict[str, MeshFile]()
+    meshes = dict[str, MeshBytes]()
     real = {geom.meshname for geom in spec.geoms if geom.name not in looked_at or geom.type != _GEOM.mjGEOM_MESH}
     used = {geom.meshname for geom in spec.geoms}
     for mesh in spec.meshes:
@@ -130,7 +131,8 @@ def _state_masses(spec: Any) -> None:
     model = compiled(spec)
     for body in spec.bodies[1:]:
         number = model.body(body.name).id
-        body.explicitinertial, body.mass = True, float(model.body_mass[number])
+        body.explicitinertial = True
+        body.mass = float(model.body_mass[number])
         body.ipos, body.iquat = model.body_ipos[number], model.body_iquat[number]
         body.inertia = model.body_inertia[number]
         body.fullinertia[0] = np.nan
@@ -202,7 +204,8 @@ def _name_all(spec: Any) -> None:
 
 def _positions(spec: Any) -> dict[str, tuple[int, int]]:
     """Return joint name -> its first number in `qpos`, and the count of its numbers."""
-    positions, first = dict[str, tuple[int, int]](), 0
+    positions = dict[str, tuple[int, int]]()
+    first = 0
     waiting = [spec.worldbody]
     while waiting:
         body = waiting.pop()
@@ -276,7 +279,7 @@ def _leave_out(spec: Any, notes: Notes) -> None:
 
 
 def _outside(elements: Iterable[Any], names: set[str], notes: Notes) -> list[Any]:
-    """Return the tendons or equalities that need a part in `names`; note those that join the robot to it."""
+    """Return the tendons or equalities that need a part in `names`; note each that joins the robot to such a part."""
     outside = list[Any]()
     for element in elements:
         if isinstance(element, mujoco.MjsTendon):

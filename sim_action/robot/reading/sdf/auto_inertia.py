@@ -1,6 +1,6 @@
 """Compute the inertia of a link with <inertial auto="true"> from its collisions, as libsdformat does.
 
-The density is <density> of the collision, else that of the <inertial>, else 1000 kg/m^3. If <mass> is stated, the
+The density is <density> of the collision, else of the <inertial>, else 1000 kg/m^3. If <mass> is stated, the
 result is scaled to it. Moments of the shapes about their centres, along their axes: the usual formulas of solid bodies.
 """
 
@@ -64,7 +64,7 @@ def _solid(inertial: Element, holder: Element) -> Solid:
 
 
 def _capsule(shape: Element) -> Solid:
-    """Return a cylinder with half a ball at each end; <length> is that of the cylinder."""
+    """Return a cylinder of <length> with half a ball at each end."""
     radius, length = _size(shape, "radius"), _size(shape, "length")
     tube, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * radius**3
     along = tube * radius**2 / 2 + ball * 2 / 5 * radius**2

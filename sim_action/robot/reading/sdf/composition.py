@@ -73,7 +73,8 @@ def sdf_version(document: ModelDocument) -> Version:
 
 def _only_model(document: ModelDocument) -> Element:
     root = document.root
-    models, world = root.findall("model"), root.find("world")
+    models = root.findall("model")
+    world = root.find("world")
     if world is not None:
         names = ", ".join(f"'{model.get('name', '')}'" for model in world.findall("model")) or "none"
         message = f"this SDF describes a world with the models {names}; name file and robot in the section world"
@@ -260,7 +261,7 @@ class Scope:
 class Assembly:
     """The composition of one model. Problems become findings in `notes`.
 
-    `file`: the file with the outermost model; `static`: True if nothing in it moves, whatever it states.
+    `file`: the file with the outermost model; `static`: True if nothing in it moves, even if it states otherwise.
     """
 
     def __init__(self, file: SdfFile, packages: Packages, notes: sdf_elements.Notes, *, static: bool = False) -> None:
@@ -297,7 +298,8 @@ class Assembly:
         self._enter(scope, Entry(kind, name, element, scope, element.find("pose")))
 
     def _nest(self, scope: Scope, element: Element, path: tuple[Path, ...]) -> None:
-        name, pose = _named(element, scope.prefix), element.find("pose")
+        name = _named(element, scope.prefix)
+        pose = element.find("pose")
         static = scope.static or sdf_elements.flag_of(element, "static")
         frame = element.get("placement_frame", "")
         inner = Scope(scope.file, f"{scope.prefix}{name}{SEPARATOR}", element, frame, static, scope, pose)
@@ -400,7 +402,8 @@ def _local(reference: str) -> str:
 
 def _placement(include: Element, model: Element) -> tuple[Element | None, str]:
     """Return the pose of an included model, and the frame that it places; <include> overrides the model."""
-    stated, frame = include.find("pose"), sdf_elements.text_of(include, "placement_frame")
+    stated = include.find("pose")
+    frame = sdf_elements.text_of(include, "placement_frame")
     if frame and stated is None:
         raise sdf_elements.SdfProblem("missing-part", include, "<include> has <placement_frame> but no <pose>; add one")
     return model.find("pose") if stated is None else stated, frame or model.get("placement_frame", "")

@@ -130,7 +130,7 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
         writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
     if not places_base:
         _note_rotated_base(notes, kinematics)
-    # Note the parts of models and of <include> that are not read. Those of links and joints are noted elsewhere.
+    # Note the parts of models and of <include> that are not read. Parts of links and joints are noted elsewhere.
     for inner in scope.scopes():
         note_parts(notes, inner.element, f"model '{inner.element.get('name', '')}'")
         for entry in inner.members:

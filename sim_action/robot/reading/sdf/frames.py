@@ -152,7 +152,8 @@ class Frames:
                 [] if entry in self._poses else [other for other in self._needed(entry) if other not in self._poses]
             )
             if not missing:
-                base, placed = self._base(entry), self._placed_by(entry)
+                base = self._base(entry)
+                placed = self._placed_by(entry)
                 pose = pose_of(entry.pose)
                 if base is not None:
                     pose = geometry.compose(self._seen_from(base, entry.owner), pose)
@@ -213,7 +214,7 @@ class Frames:
 
 
 def _own_links(scope: Scope) -> Iterator[Entry]:
-    """Yield the links of a model, with those of merged models, in the order of the file."""
+    """Yield the links of a model and of its merged models, in the order of the file."""
     for entry in scope.members:
         if entry.kind == "link":
             yield entry

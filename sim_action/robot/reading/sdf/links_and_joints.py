@@ -225,7 +225,7 @@ def visual_shape(visual: Element) -> Element | None:
 
 
 def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
-    """Write the colour of a visual, if it states one; the opacity is alpha times that of <transparency>."""
+    """Write the colour of a visual, if it states one; the opacity is alpha * (1 - <transparency>)."""
     words = (visual.findtext("material/diffuse") or "").split()[:4]
     text, alpha = " ".join(words[:3]), words[3] if len(words) > 3 else "1"
     if is_numbers(text, 3):

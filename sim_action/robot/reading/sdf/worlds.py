@@ -1,6 +1,6 @@
 """Read the <world> of an SDF file: its models in their frames, and one of them as a robot.
 
-A world is composed like a model whose nested models are those of the world, so names such as `table::leg` and poses
+A world is composed like a model that contains the models of the world, so names such as `table::leg` and poses
 relative to other models have one reader.
 """
 
@@ -36,7 +36,7 @@ class SdfWorld:
     """A world whose models are composed."""
 
     element: Element  # the <world>
-    scope: Scope  # its models, as those of an outermost model
+    scope: Scope  # its models, as if an outermost model contained them
     frames: Frames
     states: Mapping[str, Element]  # name of a model -> its <model> in <state>
     has_ground: bool  # True if it includes the ground plane of Gazebo
@@ -147,7 +147,8 @@ def _child_of(frames: Frames, joint: Entry) -> Entry | None:
 def _rename_doubles(world: Element) -> Mapping[Element, str]:
     """Give models with the name of an earlier one another name, such as `crate_1`; return the old names."""
     stated = {child: child.get("name", "") or text_of(child, "name") for child in world if child.tag in _MODELS}
-    taken, renamed = set(stated.values()), dict[Element, str]()
+    taken = set(stated.values())
+    renamed = dict[Element, str]()
     seen = set[str]()
     for child, name in stated.items():
         if name and name in seen:
