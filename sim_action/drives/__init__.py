@@ -116,7 +116,7 @@ class Drive(FrozenModel):
         return stated.source if stated else undercarriage(model).source or "geometry"
 
     def plugin(self, model: RobotModel) -> str:
-        """Return the plugin whose wheels turn as in Gazebo, whatever their axes are; empty without one."""
+        """Return the plugin whose wheels turn as in Gazebo regardless of their axes; empty without one."""
         return ""
 
     @abstractmethod
@@ -136,7 +136,7 @@ class Drive(FrozenModel):
         return "; ".join((self.figures(model, gravity), *self.remarks(model)))
 
     def remarks(self, model: RobotModel) -> tuple[str, ...]:
-        """Return remarks on the plugin that states the drive, and on lengths that are not those of the model."""
+        """Return remarks on the plugin that states the drive, and on lengths that differ from the model."""
         stated = self.origin(model)
         return (*stated.remarks, *self._deviations(model)) if stated else ()
 
@@ -152,7 +152,7 @@ class Drive(FrozenModel):
         return {}
 
     def is_far(self, key: str, ratio: float) -> bool:
-        """Return True if a stated length, as a ratio to that of the model, deserves a remark."""
+        """Return True if a stated length, as a ratio to the model's, deserves a remark."""
         return abs(ratio - 1) > MAX_STATED_DEVIATION
 
     @abstractmethod

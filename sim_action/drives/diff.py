@@ -81,7 +81,7 @@ class TwoSidedDrive(Drive):
 
     @classmethod
     def stated(cls, model: RobotModel) -> Self | None:
-        """Wheels that would roll along the line between the sides are not those of a robot."""
+        """Return the stated drive; None if its wheels would roll along the line between the sides."""
         drive = super().stated(model)
         return drive if drive and drive.is_across(model) else None
 
@@ -346,7 +346,7 @@ def _sides(drive: TwoSidedDrive, same: SameModel) -> tuple[tuple[Rolling, ...], 
     model, heading = same.model, drive.forward(same.model)
     left, right = (tuple(rolling(wheel(model, name), heading) for name in side) for side in (drive.left, drive.right))
     if drive.plugin(model):
-        # A plugin gives each side one joint velocity, whatever the axes are.
+        # A plugin gives each side one joint velocity, regardless of the axes.
         left, right = (tuple(replace(placed, turns=1.0) for placed in side) for side in (left, right))
     return left, right
 

@@ -81,7 +81,7 @@ class MecanumDrive(Drive):
 
     @classmethod
     def statements(cls, model: RobotModel) -> Stated | None:
-        """By their looks alone, such wheels are those of skid steer."""
+        """Return the statements of a plugin; the looks of such wheels also fit skid steer."""
         return corners_by_plugin(model)
 
     @classmethod

@@ -1,7 +1,7 @@
 """Statements of a model about its drive: plugins of Gazebo and controllers of ros2_control, with their parameters.
 
-The names are those of gazebo_ros_pkgs (ROS 1 and 2), of Gazebo classic's own plugins, of gz-sim's systems (also as
-ignition-gazebo, and by class) and of ros_controllers and ros2_controllers.
+The names come from gazebo_ros_pkgs (ROS 1 and 2), Gazebo classic's own plugins, gz-sim's systems (also as
+ignition-gazebo, and by class), ros_controllers and ros2_controllers.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class SkidSteer(TwoSidedDrive):
 
     @override
     def is_far(self, key: str, ratio: float) -> bool:
-        # The separation of a plugin is the effective one, which is greater than that of the wheels.
+        # The separation of a plugin is the effective one, which is greater than the distance of the wheels.
         return super().is_far(key, ratio) and (key != "separation" or ratio < 1)
 
     @classmethod
@@ -213,7 +213,7 @@ def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
 
     A turning robot drags its front and rear wheels sideways. Isotropic Coulomb friction then also lets rims slip
     lengthwise, until forces and moments balance. For four wheels with equal load this happens at 1 + (wheelbase /
-    separation)^2, whatever the coefficient and the speed.
+    separation)^2, for every coefficient and speed.
     """
     half = separation / 2
     furthest = max(abs(wheel.ahead) for wheel in wheels)

@@ -1,4 +1,4 @@
-"""The undercarriage of a model: its wheels on the ground, those that are driven or steered, casters, and layouts.
+"""The undercarriage of a model: its wheels on the ground, driven and steered wheels, casters, and layouts.
 
 <ros2_control>, <transmission> and gz-sim's controllers of single joints decide which wheels have motors, if they name
 at least one wheel. Other statements of the model about its drive are ignored, each with a note.
@@ -270,7 +270,7 @@ _SPEED_LIMIT: Final = re.compile(r"(?:(?P<axis>(?:linear|angular)\.[xyz])\.)?max
 def ignored_statements(model: RobotModel, source: str, joints: Collection[str]) -> Iterator[str]:
     """Yield a note for each kind of statement that a recognised drive does not use.
 
-    :param source: of the drive. joints: those that it controls.
+    :param source: of the drive. joints: the joints that it controls.
     """
     plugins = plugins_of_kind(model, "diff", "skid", "ackermann", "mecanum")
     used = next((plugin for plugin in plugins if source_of(plugin) == source), None)

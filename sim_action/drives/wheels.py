@@ -52,7 +52,7 @@ def wheel(model: RobotModel, joint_name: str) -> Wheel:
 
 
 def opposed_note(axes: Mapping[str, Vector3], plugin: str = "") -> str | None:
-    """Return a note about wheels whose axis points against that of the others, else None.
+    """Return a note about wheels whose axis points against the other axes, else None.
 
     :param plugin: the plugin that drives them; empty for a drive of the scenario, which corrects the direction.
     :param axes: joint of each wheel -> its axis, unit vector in the base frame. Of two groups of the same size, the one
@@ -184,7 +184,7 @@ def joints_above(model: RobotModel, joint_name: str) -> Iterator[Joint]:
 
 
 def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
-    """Return the nearest joint above that of a wheel that turns about an upright axis, else None.
+    """Return the nearest joint above a wheel's joint that turns about an upright axis, else None.
 
     Suspensions and beams in between, which slide or tilt, are not steering joints.
     """
@@ -329,7 +329,7 @@ def _rolls_along(wheel: Wheel, heading: float) -> float:
 
 
 def _along_axles(wheels: Sequence[Wheel]) -> tuple[float, float]:
-    """Return the sum of the rolling directions of wheels, all turned to that of the first."""
+    """Return the sum of the rolling directions of wheels, each reversed if it opposes the first."""
     first_x, first_y = wheels[0].axis_xyz[1], -wheels[0].axis_xyz[0]
     total_x = total_y = 0.0
     for wheel in wheels:
@@ -361,7 +361,7 @@ class Tyre:
     """The round part of a link about a joint's axis.
 
     A link is round if its outline is: seen along the axis, all corners of the convex hull lie within `MAX_UNROUNDNESS`
-    of one circle about the axis, and no two neighbours are further apart than those of an octagon.
+    of one circle about the axis, and no two neighbours are further apart than corners of an octagon.
     """
 
     radius: float  # m; a mesh rolls as far as a circle with the length of its outline

@@ -1,6 +1,6 @@
 """The `Engine` protocol of a physics engine.
 
-An engine loads one scene and steps it. All engines follow the same conventions: poses are those of link frames,
+An engine loads one scene and steps it. All engines follow the same conventions: poses refer to link frames,
 quaternions are x, y, z, w, twists are in the world frame, the friction of a contact is the product of both surfaces,
 links of the robot collide with each other only on request, and everything has a name instead of an index.
 """
@@ -23,14 +23,14 @@ from sim_action.world.scene import Scene
 NO_CHANNELS: Final = Channels()
 
 UNLIMITED_EFFORT: Final = 1e6
-"""N m or N: the effort limit of a motor whose model states none; ten times that of a mining truck's wheels."""
+"""N m or N: the effort limit of a motor whose model states none; ten times the limit of a mining truck's wheels."""
 
 
 class RobotQueries(EngineQueries, Protocol):
     """One robot of a scene, as its controllers and sensors see it."""
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
-        """Return the present state as that of step `step`; contacts, if requested, include the ground."""
+        """Return the present state as the state of step `step`; contacts, if requested, include the ground."""
 
     def collect(self) -> Trace:
         """Return the states after each step since the last call, with the requested contacts and clearances."""
@@ -73,14 +73,14 @@ class Engine(RobotQueries, Protocol):
         """
 
     def follow(self, world: World, time: float) -> None:
-        """Let what happens in the world come about at the times of another world, which are later than the present.
+        """Move what happens in the world to the times of another world, which are later than the present.
 
-        Only times differ from those of the world before: of bodies, paths, patches and disturbances. Observations of
-        clearances begin again at `time`, in s.
+        The worlds differ only in times of bodies, paths, patches and disturbances. Observations of clearances begin
+        again at `time`, in s.
         """
 
     def link_contacts(self, step: int) -> Mapping[str, ContactRecord]:
-        """Return the present contacts of the requested links, as those of step `step`."""
+        """Return the present contacts of the requested links, as contacts of step `step`."""
 
     def collect_bodies(self) -> FloatArray:
         """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.

@@ -27,7 +27,7 @@ class JointStops:
         """Take the stops by place, as the engine orders joints.
 
         :param ranges: place of a joint, its lower and its upper limit in rad or m.
-        :param followers: place of a joint -> the places of those that follow it, with multiplier and offset.
+        :param followers: place of a joint -> the places of its followers, with multiplier and offset.
         """
         self._stops = [(at, lower - STOP_SLACK, upper + STOP_SLACK) for at, lower, upper in ranges]
         self._followers = followers

@@ -34,7 +34,7 @@ _PRECISION_M: Final = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class SelfPairs:
-    """The pairs of links that count, and those that are left out because they touch where the model puts the joints."""
+    """The pairs of links that count, and pairs that are left out because they touch where the model puts the joints."""
 
     counted: tuple[LinkPair, ...]
     resting: tuple[tuple[LinkPair, float], ...]  # pairs with the depth in m of their overlap; negative for a gap
@@ -100,7 +100,7 @@ class SelfWatch:
         self._found: list[SelfContact] = []
 
     def record(self, step: int, positions: Sequence[float]) -> None:
-        """Record the pairs that overlap in the present state, that of a step with these joint positions."""
+        """Record the pairs that overlap at the present step, with these joint positions."""
         current = np.array(positions)
         if self._last is not None:
             self._travelled += np.abs(current - self._last)
@@ -123,7 +123,7 @@ class SelfWatch:
 
 
 class LinkContacts:
-    """The contacts between links of the robot: those of the engine, or the overlaps of links that do not collide."""
+    """The contacts between links of the robot: the engine's contacts, or the overlaps of links that do not collide."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene

@@ -75,7 +75,7 @@ class BodyRecorder:
         return not self._names
 
     def record(self, step: int) -> None:
-        """Record the present poses as those of a step if a sample is due; the first step is always recorded."""
+        """Record the present poses as poses of a step if a sample is due; the first step is always recorded."""
         if step > 0 and (step % self._stride == 0 or step == 1):
             self._steps.append(step)
             self._rows.append(self._read_poses())
@@ -110,7 +110,7 @@ class ContactRecorder:
         return not self._found
 
     def record(self, step: int) -> None:
-        """Record the present contacts as those of a step."""
+        """Record the present contacts as contacts of a step."""
         time = step / self._rate
         for touch in self._read():
             if touch.link in self._found:
@@ -152,7 +152,7 @@ class Recorders:
         return {"bodies": self._bodies.collect(), "objects": objects, "link_contacts": contacts}
 
     def present_contacts(self, step: int) -> dict[str, ContactRecord]:
-        """Return the present contacts of the requested links, as those of step `step`."""
+        """Return the present contacts of the requested links, as contacts of step `step`."""
         self._contacts.record(step)
         return self._contacts.collect()
 
@@ -221,7 +221,7 @@ class PathContacts:
         self._measured, self._found = -1, list[Contact]()
 
     def at(self, step: int) -> Sequence[Contact]:
-        """Return the contacts in the present state, that of a step; before t = 0 bodies wait at their start."""
+        """Return the contacts at the present step; before t = 0 bodies wait at their start."""
         moment = max(step, 0)
         if moment >= self._due and moment != self._measured:
             self._measured, self._found = moment, []

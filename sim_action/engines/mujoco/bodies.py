@@ -382,7 +382,7 @@ class Contacts:
 
     def _present(self) -> Iterator[tuple[int, int, float]]:
         """Yield the pairs of geoms that touch now, with their depth in m."""
-        # The contacts in the data are those of the last step and influence the next, so a copy is used.
+        # The contacts in the data belong to the last step and influence the next, so a copy is used.
         present = self._compiled.spare_data()
         present.qpos[:] = self._data.qpos
         mujoco.mj_fwdPosition(self._model, present)
@@ -463,7 +463,7 @@ class MuJoCoBodyControl(BodyControl):
     def scale_friction(self, patch: int, factor: float) -> None:
         model, tile = self._model, self._model.geom(f"{GROUND}/{patch}").id
         pairs = np.flatnonzero((model.pair_geom1 == tile) | (model.pair_geom2 == tile))
-        # All coefficients of a pair are proportional to that of the ground.
+        # All coefficients of a pair are proportional to the coefficient of the ground.
         model.pair_friction[pairs] *= factor
         if not factor:
             model.pair_dim[pairs] = 1

@@ -54,7 +54,7 @@ def _may_touch(one: Collider, other: Collider, paired: Collection[frozenset[str]
 
 
 def colliding_pairs(spec: Any, scene: Scene, robot: Iterable[Collider]) -> list[tuple[Collider, Collider]]:
-    """Return the pairs of geoms that collide, without those that touch where the model puts its joints.
+    """Return the pairs of geoms that collide, without pairs that touch where the model puts its joints.
 
     Raises EngineError if there are none. `spec`: a model with the robot alone.
     """
@@ -113,7 +113,7 @@ class SelfCollision(LinkContacts):
             refuse_start_inside(self._counted, self.nearest)
 
     def recorder(self, rate: float, joints: Sequence[str], positions: Callable[[], Sequence[float]]) -> Recorder:
-        """Return a function that records the present contacts; `joints`: the order of what `positions` returns."""
+        """Return a function that records the present contacts; `joints`: the order of `positions`."""
         if self._collides:
             return lambda step: self._found.extend(self._present(step / rate))
         watch = self._watch = SelfWatch(self._scene.model, self._counted, joints, rate, self.nearest)

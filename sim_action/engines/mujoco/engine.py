@@ -147,13 +147,13 @@ class SimulatedRobot(RobotQueries):
         self._lazy_contacts.settle()
 
     def keep(self, step: int) -> None:
-        """Keep the present state as that of a step; joints that have passed their stops are moved back."""
+        """Keep the present state as the state of a step; joints that have passed their stops are moved back."""
         if self._stops is not None and (passed := self._stops.passed(memoryview(self._data.qpos))):
             self._stop(passed)
         self._states.keep(step)
 
     def keep_touches(self, step: int) -> None:
-        """Keep the present contacts with all but the ground as those of a step."""
+        """Keep the present contacts with all but the ground as contacts of a step."""
         self._touches += self._contacts.of_step(step / self._rate, ground=False)
 
     def keep_nan(self, steps: Sequence[int]) -> None:
@@ -463,7 +463,7 @@ class StateRecorder:
         return self._steps, self._kept, self._qpos_bytes, self._qvel_bytes
 
     def keep(self, step: int) -> None:
-        """Keep the present state as that of a step."""
+        """Keep the present state as the state of a step."""
         self._steps.append(step)
         self._kept += self._qpos_bytes
         self._kept += self._qvel_bytes
@@ -532,7 +532,7 @@ class StateRecorder:
         return Pose((x, y, z), orientation), Twist((vx, vy, vz), geometry.rotate(orientation, (wx, wy, wz)))
 
     def trace_rows(self, rows: FloatArray) -> FloatArray:
-        """Return the rows as those of `Trace.state`, (T, 14 + 3 J)."""
+        """Return the rows as rows of `Trace.state`, (T, 14 + 3 J)."""
         count = len(self._positions)
         state = np.empty((len(rows), 14 + 3 * count))
         state[:, 0] = rows[:, 0] / self._rate

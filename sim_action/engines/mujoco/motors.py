@@ -64,7 +64,7 @@ class Motors:
         self._is_native = model.mjcf is not None
         self._rows_are_others = True
         self.together: Sequence[Motors] = (self,)
-        """The motors of all robots: if one gets a row, those of others move."""
+        """The motors of all robots: if one gets a row, the rows of others move."""
         self._speeds = self._dofs.tolist()
         # A copy of `qfrc_applied` of the joints, because reading it costs more.
         self._applied = np.zeros(len(joints))
@@ -315,7 +315,7 @@ class Actuators:
         self._lead(number, speed)
 
     def turn(self, number: int, speed: float) -> None:
-        """Set the target of a velocity servo in rad/s (m/s); for a voltage, that of a motor without load."""
+        """Set the target of a velocity servo in rad/s (m/s); for a voltage, the speed of a motor without load."""
         at = self._actuator[number]
         speed *= self._gears[at]
         if self._has_inputs[at]:
@@ -328,7 +328,7 @@ class Actuators:
         self._data.ctrl[self._controls[at]] = -self._biases[at, order] * speed / self._gains[at, 0]
 
     def exert(self, number: int, effort: float) -> None:
-        """Set the effort of a motor in N m (N); for a voltage, that of a motor at rest."""
+        """Set the effort of a motor in N m (N); for a voltage, the effort of a motor at rest."""
         at = self._actuator[number]
         gain = float(self._gains[at, 0])
         if self._has_inputs[at]:
@@ -336,7 +336,7 @@ class Actuators:
         self._data.ctrl[self._controls[at]] = effort / (self._gears[at] * gain)
 
     def switch(self, number: int, limit: float | None, *, on: bool) -> None:
-        """Switch a motor on or off; `limit`: of its effort in N m (N), below that of the model."""
+        """Switch a motor on or off; `limit`: of its effort in N m (N), below the model's limit."""
         at = self._actuator[number]
         if at < 0:
             return

@@ -214,7 +214,7 @@ class _Last:
 
     @classmethod
     def copied(cls, scene: Scene) -> CompiledScene | None:
-        """Return a copy of the last compiled scene, before its state is set, if it is that of this scene."""
+        """Return a copy of the last compiled scene, before its state is set, if it fits this scene."""
         before, kept = cls._cached or (scene, None)
         if kept is None or not _is_again(scene, before):
             return None
@@ -334,7 +334,7 @@ def _geoms_of(name: str, geoms: Sequence[Collider]) -> list[Collider]:
 
 
 def _entries(model: Any, joints: NDArray[np.intp]) -> Iterator[range]:
-    """Yield the entries of qpos and those of qvel of the joints of a robot, which stand together."""
+    """Yield the entries of a robot's joints in qpos and in qvel, which stand together."""
     kinds = [_SIZES.get(int(kind), (1, 1)) for kind in model.jnt_type[joints]]
     for place, firsts in enumerate((model.jnt_qposadr, model.jnt_dofadr)):
         first = int(firsts[joints].min(initial=model.nq))
@@ -472,7 +472,7 @@ def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Colli
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)
     if model.mjcf.heaviness != 1:
-        # Masses are those of geoms, or stated; NaN: not stated.
+        # Masses come from geoms, or are stated; NaN: not stated.
         for geom in robot.geoms:
             geom.density, geom.mass = model.mjcf.heaviness * geom.density, model.mjcf.heaviness * geom.mass
         for body in robot.bodies:

@@ -102,7 +102,7 @@ class SlidingContacts:
         # Geom of another robot -> the number of the robot; and the geoms that never move.
         self._robots = {geom: number for number, actor in actors for geom in actor.links}
         self._fixed = set(np.flatnonzero(compiled.model.body_weldid[compiled.model.geom_bodyid] == 0).tolist())
-        # `touching` -> the contacts. The order of contacts is that of the geoms.
+        # `touching` -> the contacts. The contacts have the order of the geoms.
         self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> a live view of their geoms and of which have no rows.
         self._live: dict[int, memoryview] = {}
@@ -188,7 +188,7 @@ class SlidingContacts:
         """Return the group of each contact; robots that touch each other, and what they touch, are in one group."""
         if not self._robots:
             return [0] * len(pairs)
-        # The robot under test, with all that is no other robot, is number 0; what is fixed joins nothing.
+        # The robot under test, with all that is no other robot, is number 0; fixed geoms join nothing.
         members = [{self._robots.get(geom, 0) for geom in pair if geom not in self._fixed} or {0} for pair in pairs]
         leader = {number: number for several in members for number in several}
         for several in members:

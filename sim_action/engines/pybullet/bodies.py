@@ -1,6 +1,6 @@
 """Bodies of PyBullet: their present poses, distances, contacts, overlaps and rays, and forces and motions for a step.
 
-Rays hit flat surfaces exactly; on round ones PyBullet stops within 1 mm of the surface. They hit only what is in the
+Rays hit flat surfaces exactly; on round ones PyBullet stops within 1 mm of the surface. They hit only the
 collision groups that they ask for, and the robot has a group of its own.
 """
 
@@ -46,7 +46,7 @@ def link_twist(client: int, robot: int, link: int) -> Twist:
 
 
 def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
-    """Return pose and twist of the base link's frame from those of its centre of mass: 13 numbers or 13 columns.
+    """Convert pose and twist from the base link's centre of mass to its frame: 13 numbers or 13 columns.
 
     It computes element by element, so that the result for one moment does not depend on how many moments are computed
     together. Matrix products do not guarantee that.
@@ -121,7 +121,7 @@ class Distances:
         return nearest
 
     def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:
-        """Return the nearest points, at least those of these links."""
+        """Return the nearest points, at least for these links."""
         robot, client = self._robot, self._client
         if links is None or len(links) > _MAX_SINGLE_QUERIES:
             closest_points: Sequence[Any] = pybullet.getClosestPoints(robot, body, within, physicsClientId=client)
@@ -166,7 +166,7 @@ def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[
     """Return the links of the robot that overlap bodies; each pair once."""
     deepest: dict[tuple[str, str], float] = {}
     for body, name in bodies.items():
-        # Contact points would be those of the last step, which may not exist yet.
+        # Contact points would belong to the last step, which may not exist yet.
         for point in pybullet.getClosestPoints(robot, body, 0.0, physicsClientId=client):
             pair = links[point[3]], name
             deepest[pair] = max(deepest.get(pair, 0.0), -point[8])

@@ -23,7 +23,7 @@ from sim_action.state.trace_records import Channels
 from sim_action.world.scene import Scene
 
 _ANYWHERE_M: Final = 1e3
-_FIRST_JOINT: Final = 14  # columns before those of the joints in `Trace.state`
+_FIRST_JOINT: Final = 14  # columns before the joints in `Trace.state`
 
 
 @contextmanager

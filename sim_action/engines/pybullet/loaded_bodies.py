@@ -117,7 +117,7 @@ _CONTACT_BREAKING_THRESHOLD: Final = 0.02
 _RESIDUAL_THRESHOLD: Final = 1e-7
 _ITERATIONS: Final = 50
 _ISLAND_SIZE: Final = 128
-# Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
+# Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia comes from the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 # Without neighbours: PyBullet leaves out direct parents and children.
 _SELF_COLLISION: Final = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
@@ -131,7 +131,7 @@ def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = F
 
     `exact`: the solver uses all its iterations. It otherwise stops early, and the forces on a robot that stands on more
     than three wheels depend on when it stopped. `apart`: the solver takes each group of touching bodies alone, so that
-    what is far away does not matter.
+    distant bodies do not matter.
     """
     pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(

@@ -174,7 +174,7 @@ class Springs:
         self._numbers = list(joints)
 
     def added_to(self, efforts: Mapping[int, float]) -> dict[int, float]:
-        """Return efforts by number of the joint, in N m or N, with those of the springs added.
+        """Return efforts by number of the joint, in N m or N, with the efforts of the springs added.
 
         The position before the step makes the integrator symplectic: a spring neither gains nor loses energy.
         """
@@ -224,7 +224,7 @@ class _Mass:
 class _Mechanism:
     """The rigid groups of links of a robot."""
 
-    groups: dict[int, int]  # link -> the number of its group, that of its first link
+    groups: dict[int, int]  # link -> the number of its group: its first link
     masses: dict[int, _Mass]  # number of a group -> its mass
     held: bool  # True if the base is fixed
 
@@ -246,7 +246,7 @@ class _Mechanism:
 
 
 def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ...]:
-    """Change the robot so that no damping adds energy, at `rate` steps a second; return notes on what is reduced."""
+    """Change the robot so that no damping adds energy, at `rate` steps a second; return notes on reduced damping."""
     infos = [pybullet.getJointInfo(robot, number, client) for number in range(pybullet.getNumJoints(robot, client))]
     stated = [info for info in infos if info[2] != pybullet.JOINT_FIXED and info[6] > 0]
     damped = [joint for info in stated for joint in _read(client, robot, info)]

@@ -1,6 +1,6 @@
 """A robot in PyBullet: its links, joints, motors and state, and what it touches.
 
-It corrects these properties of PyBullet: base poses are those of the centre of mass, joints start with a motor switched
+It corrects these properties of PyBullet: base poses refer to the centre of mass, joints start with a motor switched
 on, and torques last for one step.
 """
 
@@ -120,11 +120,11 @@ class LoadedRobot(RobotQueries):
 
     @property
     def keep(self) -> Callable[[int], None]:
-        """The function that keeps the present state as that of a step; it is called at every step."""
+        """The function that keeps the present state as the state of a step; it is called at every step."""
         return self._states.keep
 
     def keep_touches(self, step: int) -> None:
-        """Keep the present contacts with all but the ground as those of a step."""
+        """Keep the present contacts with all but the ground as contacts of a step."""
         self._touches += self._present_contacts(step, ground=False)
 
     def last_place(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -300,7 +300,7 @@ class LoadedRobot(RobotQueries):
             self._held_efforts[self._index[name]] = effort
 
     def _carried(self, targets: JointTargets) -> JointTargets:
-        """Return the targets with those of leaders converted for the joints on which their motors act."""
+        """Return the targets, with the targets of leaders converted for the joints on which their motors act."""
         position, velocity, limits = dict(targets.position), dict(targets.velocity), dict(targets.max_effort)
         for leader, gear in self._carriers.items():
             if leader in targets.effort:
@@ -331,7 +331,7 @@ _BASE_COLUMNS: Final = 14
 
 
 class StateRecorder:
-    """Reads the state of the robot, and keeps that of each step.
+    """Reads the state of the robot, and keeps the state of each step.
 
     A kept row holds the time, the 13 numbers of the base's centre of mass, and position, velocity and effort of each
     joint. All rows are kept in one array of bytes: numbers, or a string for each row, would be read again from memory
@@ -351,7 +351,7 @@ class StateRecorder:
     ) -> None:
         """Prepare the record.
 
-        :param joints: the names of all joints; those that motors can move come before the ball joints.
+        :param joints: the names of all joints; joints that motors can move come before the ball joints.
         :param motors: the numbers of the joints that motors can move.
         :param efforts: number of a joint -> the effort that a controller applies. PyBullet reports only its own motors,
             which are the friction that such an effort works against. The caller changes this mapping.
@@ -402,7 +402,7 @@ class StateRecorder:
         return Trace(self._joints, state)
 
     def observe(self, step: int, model: RobotModel, contacts: Sequence[Contact]) -> Observation:
-        """Return the present state as that of a step."""
+        """Return the present state as the state of a step."""
         row: Sequence[float] = self._last() if self._rows else ()
         # The row of the last step is the present state.
         if not row or row[0] != step / self._rate:
