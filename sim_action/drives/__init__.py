@@ -165,7 +165,8 @@ class Drive(FrozenModel):
 
     def prepared(self, scene: Scene) -> Scene:
         """Return the scene with the drive's mobility, and with properties of the drive that the model lacks."""
-        mobility, wheels = self.mobility(scene.model), self.wheel_motion(scene.model)
+        mobility = self.mobility(scene.model)
+        wheels = self.wheel_motion(scene.model)
         gears = {} if wheels is None else wheels.gears
         limits = ((gear, scene.model.joints_by_name[name].max_velocity) for name, gear in gears.items())
         fastest = max((abs(gear) * limit if limit else math.inf for gear, limit in limits), default=math.inf)

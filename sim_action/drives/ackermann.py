@@ -141,7 +141,8 @@ class AckermannDrive(Drive):
 
     @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
-        limit, pins = self._limit(model), self.kingpins(model)
+        limit = self._limit(model)
+        pins = self.kingpins(model)
         return AckermannMotion(
             pins,
             self._driven(model),
@@ -170,7 +171,8 @@ class AckermannDrive(Drive):
 
     @override
     def figures(self, model: RobotModel, gravity: float) -> str:
-        pins, driven = self.kingpins(model), self._driven(model)
+        pins = self.kingpins(model)
+        driven = self._driven(model)
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
         return (
             f"ackermann: steering {', '.join(self.steering)} {self._limit(model).text}; driven "
@@ -219,7 +221,9 @@ class AckermannDrive(Drive):
 
     def kingpins(self, model: RobotModel) -> tuple[Kingpin, ...]:
         """Return the steering joints with their places."""
-        heading, axle, pins = self._forward(model), self._axle(model), list[Kingpin]()
+        heading = self._forward(model)
+        axle = self._axle(model)
+        pins = list[Kingpin]()
         for name in self.steering:
             place = rolling(wheel(model, name), heading)
             ahead = place.ahead - axle
@@ -229,10 +233,12 @@ class AckermannDrive(Drive):
         return tuple(pins)
 
     def _driven(self, model: RobotModel) -> tuple[DrivenWheel, ...]:
-        heading, driven = self._forward(model), list[DrivenWheel]()
+        heading = self._forward(model)
+        driven = list[DrivenWheel]()
         pins = {pin.joint: pin for pin in self.kingpins(model)}
         for driven_wheel in (wheel(model, name) for name in self.wheels):
-            place, above = rolling(driven_wheel, heading), steering_joint(model, driven_wheel.joint)
+            place = rolling(driven_wheel, heading)
+            above = steering_joint(model, driven_wheel.joint)
             radius = self.radius or driven_wheel.radius
             assert radius is not None, "problems() reports a missing radius"
             pin = pins.get(above.name) if above else None

@@ -154,7 +154,8 @@ def kind_of(plugin: Plugin) -> Kind | None:
         return _BY_NAME[plugin.name]
     if plugin.name.endswith(_PUSHED):
         return "mover"
-    system, named = _SYSTEM.fullmatch(plugin.name), _CLASS.fullmatch(plugin.title)
+    system = _SYSTEM.fullmatch(plugin.name)
+    named = _CLASS.fullmatch(plugin.title)
     if system and system[1] in _BY_SYSTEM:
         return _BY_SYSTEM[system[1]]
     return _BY_CLASS.get(named[1]) if named else None

@@ -139,7 +139,8 @@ def sides_on_ground(model: RobotModel) -> Sides | None:
     wheels = chassis.driven
     if not wheels or chassis.steered or chassis.loose:
         return None
-    by_place, by_name = _by_place(wheels), _by_name(wheels)
+    by_place = _by_place(wheels)
+    by_name = _by_name(wheels)
     # A robot that rolls along x has its left at +y. For other directions only joint names show the front.
     if by_place is None:
         return by_name if _parallel(wheels) else None

@@ -89,7 +89,8 @@ def _undercarriage(model: RobotModel, wheels: Sequence[Wheel]) -> Undercarriage:
         ground_wheel.joint for ground_wheel in wheels if _ROLLING & motors.get(ground_wheel.joint, (frozenset(), ""))[0]
     }
     source = motors[min(rolling)][1] if rolling else ""
-    driven, steered, casters, idle = list[Wheel](), list[tuple[Wheel, Joint]](), list[Wheel](), list[Wheel]()
+    driven, casters, idle = list[Wheel](), list[Wheel](), list[Wheel]()
+    steered = list[tuple[Wheel, Joint]]()
     loose = list[tuple[Wheel, str]]()
     aboves = {ground_wheel.joint: steering_joint(model, ground_wheel.joint) for ground_wheel in wheels}
     has_car_joints = any(above is not None and _has_limits(above) for above in aboves.values())

@@ -382,7 +382,9 @@ def tyre_of(link: Link, joint: Joint) -> Tyre | NotRound:
     if not link.collisions:
         only = ", only visuals: nothing of it touches the ground" if link.visuals else ""
         return NotRound(f"has no collision shape{only}")
-    tyres, reach, others = list[Tyre](), 0.0, list[NotRound]()
+    tyres = list[Tyre]()
+    reach = 0.0
+    others = list[NotRound]()
     for shape in link.collisions:
         candidate = _tyre_of(shape, joint.axis_xyz, joint.anchor_xyz)
         if isinstance(candidate, Tyre):

@@ -42,7 +42,8 @@ class SelfPairs:
     @classmethod
     def of(cls, pairs: Iterable[LinkPair], nearest: NearestOfLinks) -> Self:
         """Sort pairs, with all joints at home in the present state. Raises EngineError if none counts."""
-        counted, resting = list[LinkPair](), list[tuple[LinkPair, float]]()
+        counted = list[LinkPair]()
+        resting = list[tuple[LinkPair, float]]()
         for pair in pairs:
             near = nearest(*pair)
             if near is not None and near.distance < MIN_OVERLAP_M:
@@ -118,7 +119,8 @@ class SelfWatch:
 
     def collect(self) -> tuple[SelfContact, ...]:
         """Return the contacts since the last call."""
-        contacts, self._found = tuple(self._found), []
+        contacts = tuple(self._found)
+        self._found = []
         return contacts
 
 
@@ -139,7 +141,8 @@ class LinkContacts:
         """Return a trace with the contacts since the last call."""
         if self._watch is not None:
             return replace(trace, self_contacts=self._watch.collect())
-        contacts, self._found = tuple(self._found), []
+        contacts = tuple(self._found)
+        self._found = []
         return replace(trace, self_contacts=contacts)
 
     def _in_order(self, one: str, other: str) -> tuple[str, str]:

@@ -148,7 +148,8 @@ class Recorders:
 
     def collect(self) -> dict[str, Any]:
         """Return the records since the last call, by the attribute of `Trace`."""
-        objects, contacts = self._objects.collect(), self._contacts.collect()
+        objects = self._objects.collect()
+        contacts = self._contacts.collect()
         return {"bodies": self._bodies.collect(), "objects": objects, "link_contacts": contacts}
 
     def present_contacts(self, step: int) -> dict[str, ContactRecord]:

@@ -51,7 +51,8 @@ class Links:
         """Return the twist of the origin of a link's frame, world frame."""
         for work_out in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
             work_out(self._model, self._data)
-        body, velocity = self._number(link), np.empty(6)
+        body = self._number(link)
+        velocity = np.empty(6)
         # An XBODY is a body's own frame, a BODY the one at its centre of mass.
         mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
         wx, wy, wz, vx, vy, vz = velocity.tolist()
@@ -254,7 +255,8 @@ class Rays:
 
     def cast(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does."""
-        data, start = self._present(), np.array(start_xyz)
+        data = self._present()
+        start = np.array(start_xyz)
         if self._is_one_of_many:
             self._model.geom_group[self._own], self._model.geom_group[self._others] = _UNSEEN, _SEEN
         ways = ends_xyz - start
@@ -280,7 +282,9 @@ class Rays:
 def _cast(model: Any, data: Any, start: _Floats, ways: _Floats) -> tuple[_Floats, set[int]]:
     """Return the free share of each ray, and the geoms that contain its start, which it hits from inside."""
     count = len(ways)
-    shares, normals, geoms = np.empty(count), np.zeros(3 * count), np.empty(count, np.int32)
+    shares = np.empty(count)
+    normals = np.zeros(3 * count)
+    geoms = np.empty(count, np.int32)
     fixed_too, no_body, anywhere = True, -1, mujoco.mjMAXVAL
     mujoco.mj_multiRay(
         model, data, start, ways.ravel(), _LOOK_FOR, fixed_too, no_body, geoms, shares, normals, count, anywhere

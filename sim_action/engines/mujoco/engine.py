@@ -75,7 +75,8 @@ class SimulatedRobot(RobotQueries):
         self._compiled, self._model, self._data = compiled, compiled.model, compiled.data
         self._rate = scene.physics.rate
         self.motors = Motors(scene, compiled, self._rate)
-        self._pusher, self._pushes = BasePusher(compiled, self._rate), False
+        self._pusher = BasePusher(compiled, self._rate)
+        self._pushes = False
         self._states = StateRecorder(compiled, scene.model, self._rate, self.motors.efforts)
         self._stops = JointStops.of(scene.model, compiled.positions.tolist())
         self._links, self._objects, self._rays = Links(compiled), objects, Rays(compiled)
@@ -90,7 +91,8 @@ class SimulatedRobot(RobotQueries):
 
     @override
     def collect(self) -> Trace:
-        touches, self._touches = tuple(self._touches), []
+        touches = tuple(self._touches)
+        self._touches = []
         return replace(self._states.trace(), contacts=touches) if touches else self._states.trace()
 
     @override
@@ -195,7 +197,8 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         # Belts stand still while the robot settles, before t = 0.
         self._belts = compiled.model.geom_surfacevel.copy() if compiled.model.flg_surfacevel else None
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
-        self._sliding, objects = SlidingContacts(compiled), Objects(compiled)
+        self._sliding = SlidingContacts(compiled)
+        objects = Objects(compiled)
         super().__init__(scene, compiled, objects, self._sliding)
         self.actors = {
             name: SimulatedRobot(actor, compiled.actors[name], objects, self._sliding)
@@ -255,8 +258,10 @@ class MuJoCoEngine(SimulatedRobot, Engine):
         if self._looks_back:
             steps, qpos, recall = rows[:, 0].astype(int).tolist(), states.robot_qpos(rows), self._distances.recall
             self._clearances.record_past(steps, *states.places(rows), lambda row: recall(qpos[row]))
-        touches, self._touches = tuple(self._touches), []
-        clearances, records = self._clearances.collect(), self._recorders.collect()
+        touches = tuple(self._touches)
+        self._touches = []
+        clearances = self._clearances.collect()
+        records = self._recorders.collect()
         trace = Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
@@ -361,7 +366,8 @@ class MuJoCoEngine(SimulatedRobot, Engine):
             # They may be elsewhere at each step.
             references: memoryview[float] = memoryview(data.efc_aref)
             if not is_engaged:
-                (turning, hold), is_engaged = engage(), True
+                turning, hold = engage()
+                is_engaged = True
             for row, bias in turning:
                 references[row] += bias
             if hold is not None:
@@ -500,7 +506,8 @@ class StateRecorder:
         rows = np.empty((len(self._steps), self._width))
         rows[:, 0] = self._steps
         rows[:, 1:] = np.frombuffer(self._kept).reshape(len(rows), self._width - 1)
-        self._steps, self._kept = [], bytearray()
+        self._steps = []
+        self._kept = bytearray()
         return rows
 
     def trace(self) -> Trace:

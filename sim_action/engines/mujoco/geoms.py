@@ -277,7 +277,8 @@ def _meshes(spec: Any, filename: str, hull_files: Mapping[str, bytes]) -> list[s
 
 
 def _lowest(model: Any, data: Any, geom: int) -> float:
-    z, down = float(data.geom_xpos[geom, 2]), np.abs(data.geom_xmat[geom][6:9])
+    z = float(data.geom_xpos[geom, 2])
+    down = np.abs(data.geom_xmat[geom][6:9])
     a, b, c = model.geom_size[geom]
     kind = model.geom_type[geom]
     if kind == GEOM.mjGEOM_MESH:

@@ -272,7 +272,8 @@ class Actuators:
         # A <pid> or <dcmotor> has its gains elsewhere, and an input for each quantity.
         kinds = self._model.actuator_gaintype
         self._has_inputs = ((kinds == _GAIN.mjGAIN_PID) | (kinds == _GAIN.mjGAIN_DCMOTOR)).tolist()
-        self._gains, self._biases = self._model.actuator_gainprm.copy(), self._model.actuator_biasprm.copy()
+        self._gains = self._model.actuator_gainprm.copy()
+        self._biases = self._model.actuator_biasprm.copy()
         self._forces = self._model.actuator_forcerange.copy(), self._model.actuator_forcelimited.copy()
         # Position targets of all joints, which a motor on a tendon needs together.
         self._targets: list[float] = self._data.qpos[compiled.positions[: len(self._joints)]].tolist()

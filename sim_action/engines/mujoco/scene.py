@@ -322,7 +322,8 @@ def _add_robot(spec: Any, scene: Scene) -> tuple[list[Collider], list[tuple[Coll
 
 def _add_actor(spec: Any, scene: Scene, name: str) -> tuple[list[Collider], list[tuple[Collider, Collider]]]:
     """Add another robot to a model, as `_add_robot` does."""
-    alone, prefix = _empty(scene.physics.rate, scene.world.gravity_xyz), actor_prefix(name)
+    alone = _empty(scene.physics.rate, scene.world.gravity_xyz)
+    prefix = actor_prefix(name)
     robot, pairs = _add_robot(alone, scene)
     spec.attach(alone, prefix=prefix, frame=spec.worldbody.add_frame())
     own = {geom.geom: geom._replace(geom=prefix + geom.geom) for geom in robot}
@@ -438,7 +439,8 @@ def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collid
     inertial = link.find("inertial")
     if inertial is not None and _number(inertial.find("mass"), "value") > 0:
         # The mass properties in the axes of the link: MuJoCo accepts a full tensor in no others.
-        pose, inertia = origin(inertial), inertial.find("inertia")
+        pose = origin(inertial)
+        inertia = inertial.find("inertia")
         tensor = symmetric(_number(inertia, name) for name in MOMENTS)
         mass = _number(inertial.find("mass"), "value")
         weigh(body, MassProperties(mass, pose.position_xyz, turned_tensor(tensor, pose.orientation_xyzw)))

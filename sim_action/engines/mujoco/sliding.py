@@ -200,10 +200,11 @@ class SlidingContacts:
     def _find(self, touching: bytes) -> _Touching:
         contacts, rows = self._data.contact, self._data.nefc
         pairs: dict[tuple[int, ...], _Pair] = {}
-        firsts, dimensions = contacts.efc_address.tolist(), contacts.dim.tolist()
-        frictions, geoms = contacts.friction[:, 0].tolist(), contacts.geom.tolist()
-        normals, normal_groups, groups = [], [], self._groups_of(geoms)
-        columns = zip(firsts, dimensions, frictions, geoms, groups, strict=True)
+        firsts = contacts.efc_address.tolist()
+        geoms = contacts.geom.tolist()
+        groups = self._groups_of(geoms)
+        normals, normal_groups = [], []
+        columns = zip(firsts, contacts.dim.tolist(), contacts.friction[:, 0].tolist(), geoms, groups, strict=True)
         for first, dimension, friction, pair, group in columns:
             row = first - rows
             # A contact that holds by adhesion has fewer rows while it is open.

@@ -175,7 +175,8 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def collect(self) -> Trace:
-        clearances, records = self._clearances.collect(), self._recorders.collect()
+        clearances = self._clearances.collect()
+        records = self._recorders.collect()
         trace = replace(super().collect(), clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 

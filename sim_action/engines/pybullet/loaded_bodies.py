@@ -164,7 +164,8 @@ def pave(client: int, plane: int, world: World) -> list[int]:
 
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
     """Add a body at its initial pose; return the number of each of its pieces, with its pose in the body."""
-    pose, moves = placed(body, parts), bool(body.path or body.surface_velocity)
+    pose = placed(body, parts)
+    moves = bool(body.path or body.surface_velocity)
     if body.has_own_inertia:
         from sim_action.engines.pybullet.rigid_bodies import add_rigid_body  # a usual run does without it
 
@@ -188,7 +189,8 @@ def add_pieces(
     client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0, *, moves: bool = False
 ) -> list[tuple[int, Pose]]:
     """Add the pieces of a body; `pose`: of the body."""
-    added, visual = [], look(client)
+    added = []
+    visual = look(client)
     for piece in pieces(client, parts, mass):
         # A full multibody costs time at every step. A plain rigid body does not, but its velocity does not act on
         # what touches it.
@@ -252,7 +254,8 @@ def _loaded(client: int, path: Path, scene: Scene) -> int:
     """Return the number of the robot in a URDF file. Raise pybullet.error, also if the robot is not complete."""
     flags = _LOAD_FLAGS | (_SELF_COLLISION if scene.robot.self_collision else 0)
     robot = int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=flags, physicsClientId=client))
-    made, expected = _complete_shapes(client, robot), len(_COLLISION.findall(scene.model.urdf))
+    made = _complete_shapes(client, robot)
+    expected = len(_COLLISION.findall(scene.model.urdf))
     if made < expected:
         pybullet.removeBody(robot, client)
         raise pybullet.error(

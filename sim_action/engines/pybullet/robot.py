@@ -57,7 +57,8 @@ class LoadedRobot(RobotQueries):
     ) -> None:
         """Load the robot of a scene; `number`: in the world, 0 for the tested one. Raises pybullet.error, OSError."""
         self._client, self._ground, self._rate, self._model = client, ground, scene.physics.rate, scene.model
-        self._robot, self._lazy_contacts = load_robot(client, scene), LazyContacts()
+        self._robot = load_robot(client, scene)
+        self._lazy_contacts = LazyContacts()
         base = scene.model.links_by_name[scene.model.root]
         self._seen = hide_from_rays(client, self._robot, number, fixed=scene.bolted or base.mass == 0)
         self._read_joints(scene)
@@ -115,7 +116,8 @@ class LoadedRobot(RobotQueries):
 
     @override
     def collect(self) -> Trace:
-        touches, self._touches = tuple(self._touches), []
+        touches = tuple(self._touches)
+        self._touches = []
         return replace(self._states.collect(), contacts=touches) if touches else self._states.collect()
 
     @property
