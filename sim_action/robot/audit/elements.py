@@ -419,7 +419,7 @@ def unread_parts_of_srdf(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _note_tag(notes: Notes, tag: Element, kind: str) -> None:
-    """Note the parts of a <gazebo> tag that are not read; `kind`: what it is about."""
+    """Note the parts of a <gazebo> tag that are not read; `kind`: "model", "link" or "joint", which the tag extends."""
     owner = "the model" if kind == "model" else f"{kind} '{tag.get('reference')}'"
     urdf, sdf = part_table("urdf"), part_table("sdf")
     for part in urdf.unread(tag, f"gazebo/{kind}", tuple(child.tag for child in tag)):

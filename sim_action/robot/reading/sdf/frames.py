@@ -200,7 +200,7 @@ class Frames:
         return self.named(entry.scope, entry.scope.placement_frame, entry.element)
 
     def _around(self, inner: Scope, outer: Scope | None) -> Iterator[Entry]:
-        """Yield the models from `inner` out to `outer`, without the latter."""
+        """Yield the models from `inner` out to `outer`, without `outer`."""
         scope: Scope | None = inner
         while scope is not outer and scope is not None and scope in self._models:
             yield self._models[scope]
