@@ -151,17 +151,17 @@ class _Call:
         self._request, self._folder, self._interruption = request, folder, interruption
         self._started = time.monotonic()
         self._runs = 0
-        self._found = plan_runs(request.plan)
+        self._run_plan = plan_runs(request.plan)
         self.shown: list[ShownScenario] = []
 
     def proof(self) -> Proof | None:
         """Run everything, and return the proof; None if an interruption came before the first mutant had ended."""
-        firsts = list(planning.first_runs(self._found.plans))
+        firsts = list(planning.first_runs(self._run_plan.plans))
         loaded = [first for first in firsts if not isinstance(first, Refused)]
         outcomes = iter(self._outcomes(loaded, _ORIGINALS))
         several = [Outcome.of_refused(first) if isinstance(first, Refused) else next(outcomes) for first in firsts]
         entries = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
-        missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
+        missing = [*map(Outcome.of_nothing, self._run_plan.empty), *map(Outcome.of_unmatched, self._run_plan.unmatched)]
         entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
         proven_ones = iter(self._proven([entry for entry in entries if isinstance(entry, Original)]))
         self.shown = [next(proven_ones) if isinstance(entry, Original) else entry for entry in entries]

@@ -162,7 +162,8 @@ class _Call:
         started: float,
         schedule: Schedule,
     ) -> None:
-        self._request, self._found, self._options, self._keys, self._started = request, run_plan, options, keys, started
+        self._request, self._options, self._keys, self._started = request, options, keys, started
+        self._run_plan = run_plan
         self._schedule = schedule
         self._plans = run_plan.plans
         if request.plan.permissions.updates_golden:
@@ -197,7 +198,7 @@ class _Call:
             if repetitions and request.reports.verbosity != "quiet":
                 judged = counted(len(self._every) - repetitions, "run")
                 note(f"{counted(repetitions, 'repetition')} for the confidence of {judged}")
-            assembly.begin(_of_patterns(self._found))
+            assembly.begin(_of_patterns(self._run_plan))
             assembly.take_over(self.taken.records)
             stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
             if request.fail_fast and stopped:
@@ -209,12 +210,12 @@ class _Call:
 
     def _print_chances(self) -> None:
         """Print what robots of known rates would get from the gates, unless quiet."""
-        if self._found.gates and self._request.reports.verbosity != "quiet":
+        if self._run_plan.gates and self._request.reports.verbosity != "quiet":
             from sim_action.reports.gate_chances import print_chances  # a usual run does without it
 
             # A closed stream does not change a verdict.
             with suppress(OSError, ValueError):
-                print_chances(self._found.gates, sys.stderr, os.environ)
+                print_chances(self._run_plan.gates, sys.stderr, os.environ)
 
     def _runs_of_gates(self) -> Counter[GateKey]:
         gates = (run.source.gate for run in self._every * self._request.repeat)
@@ -261,7 +262,7 @@ class _Call:
 
     def _header(self) -> Header:
         """Return the header of the journal."""
-        run_plan, options = self._found, self._options
+        run_plan, options = self._run_plan, self._options
         of_runs = [path.as_posix() for files in self._files(Path()) for path in files]
         return Header.of_call(
             planned_outcomes(self._plans, _of_patterns(run_plan)),

@@ -51,7 +51,7 @@ class _Watched:
 
 
 @dataclass(slots=True)
-class _Found:
+class _FileResults:
     """The results of one scenario file: outcomes, including outcomes of gates, and the gates as they are stated."""
 
     outcomes: list[Outcome] = field(default_factory=list)
@@ -137,8 +137,8 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
 
 
 def _rerun(
-    request: RunRequest, touched: Sequence[Path], earlier: Mapping[str, _Found], interruption: Interruption
-) -> dict[str, _Found]:
+    request: RunRequest, touched: Sequence[Path], earlier: Mapping[str, _FileResults], interruption: Interruption
+) -> dict[str, _FileResults]:
     """Return the new results of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
     try:
@@ -148,9 +148,9 @@ def _rerun(
         return {}
     if interruption.happened:
         return {}
-    results_by_file = {file_name(file): _Found() for file in touched} | _by_file(results)
+    results_by_file = {file_name(file): _FileResults() for file in touched} | _by_file(results)
     before, now = (
-        [results_of.get(file, _Found()) for file in results_by_file] for results_of in (earlier, results_by_file)
+        [results_of.get(file, _FileResults()) for file in results_by_file] for results_of in (earlier, results_by_file)
     )
     comparison = compare_outcomes(
         [outcome for file_results in before for outcome in file_results.outcomes],
@@ -167,13 +167,13 @@ def _rerun(
     return results_by_file
 
 
-def _by_file(results: Results) -> dict[str, _Found]:
+def _by_file(results: Results) -> dict[str, _FileResults]:
     """Return the results of each file, in the order of the call."""
-    results_by_file: dict[str, _Found] = {}
+    results_by_file: dict[str, _FileResults] = {}
     for outcome in results.outcomes:
-        results_by_file.setdefault(outcome.file, _Found()).outcomes.append(outcome)
+        results_by_file.setdefault(outcome.file, _FileResults()).outcomes.append(outcome)
     for gate in results.gates:
-        results_by_file.setdefault(gate.file, _Found()).gates.append(gate)
+        results_by_file.setdefault(gate.file, _FileResults()).gates.append(gate)
     return results_by_file
 
 

@@ -306,18 +306,18 @@ class _Motion:
         self._names = [joint.name for joint in follower.chain.joints]
         self._planned: tuple[JointTargets, float] | None = None
         self._path: LinkPath | None = None
-        self._here, self._before = start, start
+        self._positions, self._before = start, start
         self._speeds: Sequence[float] = [0.0] * len(start)
 
     def plan(self, base: Pose) -> tuple[JointTargets, float]:
         """Return the motion for a pose of the base in the frame of the waypoints, and its end in s. Raises Blocked."""
         path = self._path_from(base)
-        motion = self._follower.plan(path, base, self._here).motion(self._names)
+        motion = self._follower.plan(path, base, self._positions).motion(self._names)
         return JointTargets(motions=(motion,)), path.end + 1 / self._spec.rate
 
     def _path_from(self, base: Pose) -> LinkPath:
         link, total = self._follower.chain.link, len(self._spec.pose.waypoints)
-        path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._here)))
+        path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._positions)))
         self.marks += (waypoint_mark(leg.end, leg.waypoint + 1, total, link) for leg in path.legs)
         return path
 
@@ -345,14 +345,14 @@ class _Motion:
                 self._path = self._path_from(base)
             # The base moves on until the next tick.
             moved = after(base, observation.twist, 1 / rate)
-            following = self._follower.follow(self._path, tick + 1, moved, self._here)
+            following = self._follower.follow(self._path, tick + 1, moved, self._positions)
         except Blocked as error:
             raise ScriptError(f"link '{chain.link}': {error}") from None
-        current, before, times = self._here, self._before, (tick / rate, (tick + 1) / rate)
+        current, before, times = self._positions, self._before, (tick / rate, (tick + 1) / rate)
         # The velocity at the next tick, from the positions at three ticks.
         speeds = [(3 * c - 4 * b + a) / 2 * rate for a, b, c in zip(before, current, following, strict=True)]
         motion = JointMotion.through(self._names, times, (current, following), (self._speeds, speeds))
-        self._before, self._here, self._speeds = current, following, speeds
+        self._before, self._positions, self._speeds = current, following, speeds
         return JointTargets(motions=(motion,))
 
 

@@ -42,13 +42,13 @@ class FileDigests:
     def __init__(self, began_ns: int) -> None:
         self._oldest_change_ns = began_ns - _CLOCK_TICK_NS
         self._left = _MAX_READ_BYTES
-        self._known: dict[Path, str | None] = {}
+        self._digests: dict[Path, str | None] = {}
 
     def of(self, path: Path) -> str | None:
         """Return the digest of a file or link, with its permission to run; None: it is not known."""
-        if path not in self._known:
-            self._known[path] = self._digest(path)
-        return self._known[path]
+        if path not in self._digests:
+            self._digests[path] = self._digest(path)
+        return self._digests[path]
 
     def _digest(self, path: Path) -> str | None:
         try:

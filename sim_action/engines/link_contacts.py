@@ -98,7 +98,7 @@ class SelfWatch:
         self._travelled = np.zeros(len(joints))
         # A pair is due when its joints can have moved its links by this distance in m since the start.
         self._due = np.zeros(len(pairs))
-        self._found: list[SelfContact] = []
+        self._contacts: list[SelfContact] = []
 
     def record(self, step: int, positions: Sequence[float]) -> None:
         """Record the pairs that overlap at the present step, with these joint positions."""
@@ -115,12 +115,12 @@ class SelfWatch:
             self._due[index] = moved[index] + max(0.0, near.distance - _PRECISION_M)
             if near.distance < -MIN_OVERLAP_M:
                 place, depth = near.position_xyz, -near.distance
-                self._found.append(SelfContact(step / self._rate, one, other, place, 0.0, depth))
+                self._contacts.append(SelfContact(step / self._rate, one, other, place, 0.0, depth))
 
     def collect(self) -> tuple[SelfContact, ...]:
         """Return the contacts since the last call."""
-        contacts = tuple(self._found)
-        self._found = []
+        contacts = tuple(self._contacts)
+        self._contacts = []
         return contacts
 
 
@@ -131,7 +131,7 @@ class LinkContacts:
         self._scene = scene
         self._order = {link.name: place for place, link in enumerate(scene.model.links)}
         self._watch: SelfWatch | None = None
-        self._found: list[SelfContact] = []
+        self._contacts: list[SelfContact] = []
 
     def nearest(self, link: str, other: str) -> Nearest | None:
         """Return the distance of two links, as `NearestOfLinks` does."""
@@ -141,8 +141,8 @@ class LinkContacts:
         """Return a trace with the contacts since the last call."""
         if self._watch is not None:
             return replace(trace, self_contacts=self._watch.collect())
-        contacts = tuple(self._found)
-        self._found = []
+        contacts = tuple(self._contacts)
+        self._contacts = []
         return replace(trace, self_contacts=contacts)
 
     def _in_order(self, one: str, other: str) -> tuple[str, str]:

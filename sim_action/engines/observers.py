@@ -102,23 +102,23 @@ class ContactRecorder:
     def __init__(self, links: Collection[str], rate: float, read: Callable[[], Iterable[LinkTouch]]) -> None:
         """Prepare the record; `read` returns the present contacts of all links."""
         self._rate, self._read = rate, read
-        self._found: dict[str, list[tuple[float, LinkTouch]]] = {link: [] for link in sorted(links)}
+        self._touches: dict[str, list[tuple[float, LinkTouch]]] = {link: [] for link in sorted(links)}
 
     @property
     def is_idle(self) -> bool:
         """Return True if the contacts of no link are to be recorded."""
-        return not self._found
+        return not self._touches
 
     def record(self, step: int) -> None:
         """Record the present contacts as contacts of a step."""
         time = step / self._rate
         for touch in self._read():
-            if touch.link in self._found:
-                self._found[touch.link].append((time, touch))
+            if touch.link in self._touches:
+                self._touches[touch.link].append((time, touch))
 
     def collect(self) -> dict[str, ContactRecord]:
         """Return the records since the last call, by link."""
-        contacts, self._found = self._found, {link: [] for link in self._found}
+        contacts, self._touches = self._touches, {link: [] for link in self._touches}
         return {link: ContactRecord.of(touches) for link, touches in contacts.items()}
 
 
@@ -219,13 +219,13 @@ class PathContacts:
         self._rate, self._links, self._nearest = scene.physics.rate, links, nearest
         self._travellers = [_Traveller(scene, body) for body in scene.world.objects if body.path]
         self._due = 0
-        self._measured, self._found = -1, list[Contact]()
+        self._measured, self._contacts = -1, list[Contact]()
 
     def at(self, step: int) -> Sequence[Contact]:
         """Return the contacts at the present step; before t = 0 bodies wait at their start."""
         moment = max(step, 0)
         if moment >= self._due and moment != self._measured:
-            self._measured, self._found = moment, []
+            self._measured, self._contacts = moment, []
             for body in self._travellers:
                 if moment < body.due:
                     continue
@@ -234,7 +234,7 @@ class PathContacts:
                     if distance < -MIN_OVERLAP_M:
                         time = moment / self._rate
                         contact = Contact(time, link, body.name, place, 0.0, has_force=False, depth=-distance)
-                        self._found.append(contact)
+                        self._contacts.append(contact)
                 body.update_due(moment, min((near.distance for near in nearest.values()), default=math.inf))
             self._due = min(body.due for body in self._travellers)
-        return self._found if moment == self._measured else ()
+        return self._contacts if moment == self._measured else ()

@@ -37,7 +37,7 @@ _NAMED: Final = re.compile(
     re.MULTILINE,
 )
 _MESH_FOLDER: Final = re.compile(r"""\b(?:meshdir|assetdir)\s*=\s*["']([^"'\n]+)["']""")
-_FOUND: Final = re.compile(r"\$\(find ([\w.-]+)\)/?(.*)")
+_PACKAGE_PATH: Final = re.compile(r"\$\(find ([\w.-]+)\)/?(.*)")
 # The code of nodes, and what they read, in a package; C++ changes a run as soon as it is built.
 _NODES: Final = (
     *("**/*.py", "**/*.launch", "**/*.xml", "**/*.yaml", "**/*.yml", "**/*.cpp", "**/*.hpp", "**/*.h"),
@@ -154,7 +154,7 @@ class _Reader:
 
     def _resolved(self, reference: str, referrer: Path) -> Iterator[Path]:
         try:
-            if match := _FOUND.fullmatch(reference):
+            if match := _PACKAGE_PATH.fullmatch(reference):
                 yield self.packages.find(match[1], referrer).path / match[2]
             elif "$" not in reference:
                 yield self.packages.resolve(reference, referrer).path

@@ -242,20 +242,20 @@ class _Traveller:
                 break
             if path is None and gap > 0:
                 free_until = time + (gap / self.fastest if self.fastest else end)
-        return search.found
+        return search.overlap_times
 
 
 class _Search:
-    """The search for the bodies of an obstacle that something overlaps; `found`: name -> s."""
+    """The search for the bodies of an obstacle that something overlaps; `overlap_times`: name -> s."""
 
     def __init__(self, obstacle: Obstacle) -> None:
         self._obstacle, self._left = obstacle, _MAX_COMPARISONS
-        self.found: dict[str, float] = {}
+        self.overlap_times: dict[str, float] = {}
 
     @property
     def is_over(self) -> bool:
         """True if all bodies are found, or the search took too long."""
-        return not self._left or len(self.found) == len(self._obstacle.names)
+        return not self._left or len(self.overlap_times) == len(self._obstacle.names)
 
     def look(self, piece: Piece, pose: Pose, time: float, step: int) -> float:
         """Compare a piece in a frame at `pose` with the pieces near it; return a lower bound on its distance in m."""
@@ -264,7 +264,7 @@ class _Search:
         lower, upper = points.min(axis=0) - piece.radius, points.max(axis=0) + piece.radius
         for index in obstacle.near(lower + DEPTH, upper - DEPTH, step):
             name = obstacle.names[int(obstacle.bodies[index])]
-            if name not in self.found and self._left:
+            if name not in self.overlap_times and self._left:
                 self._left -= 1
                 # The piece at `points` must be deeper inside the other one than an ordinary contact.
                 middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -272,7 +272,7 @@ class _Search:
                 smaller = middle + (points - middle) * max(0.0, 1 - 2 * DEPTH / thick if thick > 0 else 0.0)
                 limit = max(0.0, piece.radius - DEPTH) + float(obstacle.radius[index])
                 if hull_distance(smaller, obstacle.corners(index), limit) <= max(limit, _TOUCH_M):
-                    self.found[name] = time
+                    self.overlap_times[name] = time
         return float(np.maximum(obstacle.lower - upper, lower - obstacle.upper).max(axis=1).min())
 
 

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from sim_action.state.joint_motion import JointMotion
 
 Look = Callable[[int], Observation]  # returns the observation of the present step; called only if a controller needs it
-Told = Callable[[float, Command], None]  # receives every command, with the sim time in s
+CommandListener = Callable[[float, Command], None]  # receives every command, with the sim time in s
 NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
-_TOLD_HZ: Final = 40.0  # recordings hold the targets of motions at about this rate
+_RECORDED_HZ: Final = 40.0  # recordings hold the targets of motions at about this rate
 
 # A change of a target is a step from this on, in rad or m, or per s: smaller ones are rounding of logs.
 _LEAST_STEP: Final = 1e-3
@@ -102,12 +102,12 @@ class TargetStep(NamedTuple):
 class _Motions:
     """Motions of position targets; `active`: motions that have not ended; `steps`: joint -> steps of its targets."""
 
-    def __init__(self, beginnings: Mapping[str, float], rate: float, on_command: Told) -> None:
+    def __init__(self, beginnings: Mapping[str, float], rate: float, on_command: CommandListener) -> None:
         """`beginnings`: the positions in rad (or m) of the joints at t = 0."""
         self.steps: dict[str, list[TargetStep]] = {}
         # Joint -> its last velocity target without a position.
         self._velocities: dict[str, float] = {}
-        self._rate, self._told, self._told_stride = rate, on_command, max(1, round(rate / _TOLD_HZ))
+        self._rate, self._on_command, self._command_stride = rate, on_command, max(1, round(rate / _RECORDED_HZ))
         self.active: list[_Followed] = []
         # Joint -> its last position target, the velocity of this target, and its physics step.
         self._last = {name: (position, 0.0, 0) for name, position in beginnings.items()}
@@ -164,8 +164,8 @@ class _Motions:
             JointTargets(dict(zip(names, position, strict=True)), dict(zip(names, velocity, strict=True)))
             for position, velocity in zip(positions, velocities, strict=True)
         ]
-        for index in range(-step % self._told_stride, steps, self._told_stride):
-            self._told((step + index) / self._rate, rows[index])
+        for index in range(-step % self._command_stride, steps, self._command_stride):
+            self._on_command((step + index) / self._rate, rows[index])
         start = step / self._rate
         self.active = [followed for followed in self.active if start - followed.delay_s < followed.motion.end]
         return rows
@@ -205,13 +205,13 @@ class Controls:
         scenario: Scenario,
         scene: Scene,
         motion: DriveMotion | None,
-        on_command: Told = lambda _time, _command: None,
+        on_command: CommandListener = lambda _time, _command: None,
         seams: Seams = UNTOUCHED,
     ) -> None:
         """Open the sources. Raise ScriptError after closing the open ones."""
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
         self._rate = scenario.physics.rate
-        self._told = on_command
+        self._on_command = on_command
         self._seams = seams
         self._motion = motion
         self._motions = _Motions(scene.joint_positions, self._rate, on_command)
@@ -409,7 +409,7 @@ class Controls:
                     applied = command
                     if targets is not None and isinstance(command, JointTargets) and command.wrenches is not None:
                         applied = replace(command, wrenches=targets.wrenches)
-                    self._told(step / self._rate, applied)
+                    self._on_command(step / self._rate, applied)
             except ScriptError as error:
                 error.source, error.time = source.index, step / self._rate
                 raise

@@ -40,7 +40,7 @@ _TURN_RAD: Final = 0.2
 _MAX_TURNS: Final = 32
 _SMALL_SWING: Final = 0.1  # below this share of the width, turning does not matter for the extent along the way
 _TOUCH_M: Final = 1e-7  # nearer hulls touch
-_Known = NDArray[np.bool_]
+_BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class _Motion:
     pieces: Sequence[Piece]
     frames: Frames  # its frame at T + 1 moments
     turning: FloatArray  # (T,) an upper bound in rad on its rotation in each step
-    is_continuous: _Known  # (T,) False for steps in which something set it to another place
+    is_continuous: _BoolArray  # (T,) False for steps in which something set it to another place
 
     def seen_from(self, other: _Motion) -> _Motion:
         """Return the same motion in the frame of another body."""
@@ -172,7 +172,7 @@ def first_meeting(
     return best
 
 
-def _is_driven(block: Block) -> _Known:
+def _is_driven(block: Block) -> _BoolArray:
     motion, trace = BaseMotion(math.inf, (tuple(block.before[:14].tolist()),)), block.trace
     return np.asarray((motion.speed(trace) == trace.speed) & (motion.turn_rate(trace) == trace.turn_rate))
 

@@ -96,17 +96,17 @@ class PresentContacts(Sequence[Contact]):
     The engine knows only the present: before the next step, it calls `settle` for all contacts still in use.
     """
 
-    __slots__ = ("__weakref__", "_found", "_read")
+    __slots__ = ("__weakref__", "_contacts", "_read")
 
     def __init__(self, read: Callable[[], Iterable[Contact]]) -> None:
         self._read = read
-        self._found: tuple[Contact, ...] | None = None
+        self._contacts: tuple[Contact, ...] | None = None
 
     def settle(self) -> tuple[Contact, ...]:
         """Read the contacts now and keep them, so that they stay valid after the next step."""
-        if self._found is None:
-            self._found = tuple(self._read())
-        return self._found
+        if self._contacts is None:
+            self._contacts = tuple(self._read())
+        return self._contacts
 
     def __len__(self) -> int:
         return len(self.settle())

@@ -115,7 +115,7 @@ class SelfCollision(LinkContacts):
     def recorder(self, rate: float, joints: Sequence[str], positions: Callable[[], Sequence[float]]) -> Recorder:
         """Return a function that records the present contacts; `joints`: the order of `positions`."""
         if self._collides:
-            return lambda step: self._found.extend(self._present(step / rate))
+            return lambda step: self._contacts.extend(self._present(step / rate))
         watch = self._watch = SelfWatch(self._scene.model, self._counted, joints, rate, self.nearest)
 
         def record(step: int) -> None:

@@ -94,4 +94,4 @@ class SelfCollision(LinkContacts):
             if point[9] > 0 or point[8] <= 0:
                 links = self._in_order(self._names[point[3]], self._names[point[4]])
                 contact = SelfContact(step / self._rate, *links, point[5], point[9], max(0.0, -point[8]))
-                self._found.append(contact)
+                self._contacts.append(contact)

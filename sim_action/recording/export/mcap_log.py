@@ -190,7 +190,7 @@ class _Turns:
 
     def __init__(self, model: RobotModel, trace: Trace) -> None:
         self._model, self._trace = model, trace
-        self._found: dict[str, NDArray[np.float64]] = {}
+        self._orientations: dict[str, NDArray[np.float64]] = {}
 
     def moments(self, wrenches: Sequence[LinkWrench], start: float, end: float) -> list[float]:
         """Return the times in s from `start` to before `end` at which wrenches on a link may change in its frame."""
@@ -221,9 +221,9 @@ class _Turns:
         return link_of_frame(self._model, wrench.frame)
 
     def _orientation(self, row: int, link: str) -> Quaternion:
-        if link not in self._found:
-            self._found[link] = link_motion(self._model, self._trace, link).orientation_xyzw
-        x, y, z, w = self._found[link][row].tolist()
+        if link not in self._orientations:
+            self._orientations[link] = link_motion(self._model, self._trace, link).orientation_xyzw
+        x, y, z, w = self._orientations[link][row].tolist()
         return x, y, z, w
 
 

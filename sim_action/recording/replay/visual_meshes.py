@@ -30,19 +30,19 @@ class VisualMeshes:
         self._mjcf, self._most = model.mjcf, most
         self.unreadable: dict[str, str] = {}
         self._colours: dict[str, Colour | None] = {}
-        self._known: dict[str, Triangles | None] = {}
-        self._known_of_text: dict[str, Triangles] | None = None
-        self._known_hulls: dict[bytes, Triangles | None] = {}
+        self._surfaces: dict[str, Triangles | None] = {}
+        self._text_surfaces: dict[str, Triangles] | None = None
+        self._hulls: dict[bytes, Triangles | None] = {}
 
     def surface(self, file: str) -> Triangles | None:
         """Return the surface in a file (see `Visual`) in its own units; None if it cannot be read."""
         if self._mjcf is not None and file.startswith(MESH_OF_TEXT):
-            if self._known_of_text is None:
-                self._known_of_text = dict(self._of_text(self._mjcf))
-            return self._known_of_text.get(file.removeprefix(MESH_OF_TEXT))
-        if file not in self._known:
-            self._known[file] = self._read(Path(file))
-        return self._known[file]
+            if self._text_surfaces is None:
+                self._text_surfaces = dict(self._of_text(self._mjcf))
+            return self._text_surfaces.get(file.removeprefix(MESH_OF_TEXT))
+        if file not in self._surfaces:
+            self._surfaces[file] = self._read(Path(file))
+        return self._surfaces[file]
 
     def colour(self, file: str) -> Colour | None:
         """Return the colour that a file states; None if it states none, or is a mesh in MJCF."""
@@ -52,7 +52,7 @@ class VisualMeshes:
 
     def hulls(self, text: bytes) -> Triangles | None:
         """Return the convex hulls of a clean mesh (see `Shape`); None if none of them has a volume."""
-        if text not in self._known_hulls:
+        if text not in self._hulls:
             entry = self._entry(text, "hulls")
             surface = _stored(entry)
             if surface is None:
@@ -60,8 +60,8 @@ class VisualMeshes:
                 if surface is not None:
                     surface = simplified(surface, self._most)
                     _store(surface, entry)
-            self._known_hulls[text] = surface
-        return self._known_hulls[text]
+            self._hulls[text] = surface
+        return self._hulls[text]
 
     def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
         for name, (points, corners) in surfaces_of(mjcf).items():

@@ -127,7 +127,7 @@ class GhostSources:
         self._waiting_bytes = 0
         self.changes = {} if base is None else dict(base.changes)
         """`id()` of an outcome -> what changed since the base run; complete after `since` of all outcomes."""
-        self.found: dict[str, list[Ghost]] = {}
+        self.by_article: dict[str, list[Ghost]] = {}
         """Element id of an article -> its ghosts."""
 
     def since(self, identity: str, outcome: Outcome, replay: Replay | None) -> Html:
@@ -146,7 +146,7 @@ class GhostSources:
         """Yield what changed since the base run, the causes first."""
         parts = [
             base_ghost.parting
-            for base_ghost in self.found.get(identity, ())
+            for base_ghost in self.by_article.get(identity, ())
             if base_ghost.label == BASE_RUN and base_ghost.parting
         ]
         same = ""
@@ -224,7 +224,7 @@ class GhostSources:
                 self._add(identity, replace(repeated, is_repetition=not is_shown), theirs, replay)
 
     def _keep(self, identity: str, new_ghost: Ghost) -> None:
-        self.found.setdefault(identity, []).append(new_ghost)
+        self.by_article.setdefault(identity, []).append(new_ghost)
 
     def _add(self, identity: str, new_ghost: Ghost, theirs: Replay, ours: Replay) -> None:
         """Keep a ghost, and its replay for later, unless the ghosts before it already fill a page."""

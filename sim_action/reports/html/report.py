@@ -80,7 +80,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     index = page_json(
         {
             "scenarios": [
-                index_entry(entry, blocks, plots, ghosts.found.get(entry.identity, ())) for entry in plan.entries
+                index_entry(entry, blocks, plots, ghosts.by_article.get(entry.identity, ())) for entry in plan.entries
             ]
         }
     )

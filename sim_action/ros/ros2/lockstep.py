@@ -59,7 +59,7 @@ class Lockstep:
         self._bridge, self._roots = bridge, tuple(roots)
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._children: dict[int, ChildProcesses] = {}
-        self._known: dict[int, frozenset[int]] = {}
+        self._child_pids: dict[int, frozenset[int]] = {}
         self._unordered = UnorderedNodes()
         self._patience = MAX_SETTLE_S
         self.nodes: list[Node] = []
@@ -71,7 +71,7 @@ class Lockstep:
 
     def watch_more(self, roots: Sequence[int]) -> None:
         """Also watch processes that descend from others."""
-        self._roots, self._known = (*self._roots, *roots), {}
+        self._roots, self._child_pids = (*self._roots, *roots), {}
 
     def add(self, nodes: Sequence[Node]) -> None:
         """Open the clocks of nodes. Raise BridgeEnded."""
@@ -126,16 +126,16 @@ class Lockstep:
             self._bridge.publish(number, clock_message(seconds))
 
     def _has_changed(self) -> bool:
-        return any(children.look() != self._known.get(pid) for pid, children in self._children.items())
+        return any(children.look() != self._child_pids.get(pid) for pid, children in self._children.items())
 
     def _watch(self) -> None:
         """Watch the bridge, this process, and the nodes with all that they have started."""
-        if self._known and not self._has_changed():
+        if self._child_pids and not self._has_changed():
             return
         # A process between a root and a node, such as a shell, may start the node later.
         alive = {*self._roots, *(descendant for pid in self._roots for descendant in descendants(pid))}
         self._children = {pid: self._children.get(pid) or ChildProcesses(pid) for pid in alive}
-        self._known = {pid: children.look() for pid, children in self._children.items()}
+        self._child_pids = {pid: children.look() for pid, children in self._children.items()}
         self._watched.watch({*alive, self._bridge.process.pid, os.getpid()})
 
     def _lose(self, seconds: float) -> None:

@@ -175,7 +175,7 @@ class _Setup:
     def __init__(self, module: ast.Module) -> None:
         self.is_computed = False
         self._names: dict[str, ast.expr] = {}
-        self._given: dict[str, ast.expr] = {}
+        self._setup_arguments: dict[str, ast.expr] = {}
         for statement in module.body:
             if isinstance(statement, ast.Assign):
                 self._names |= {
@@ -183,13 +183,13 @@ class _Setup:
                 }
         for node in ast.walk(module):
             if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] == "setup":
-                self._given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
+                self._setup_arguments |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
                 # Arguments in a dictionary.
                 self.is_computed |= any(keyword.arg is None for keyword in node.keywords)
 
     def entries(self) -> list[str]:
         """Return the console scripts."""
-        entry_points = self._value(self._given.get("entry_points"))
+        entry_points = self._value(self._setup_arguments.get("entry_points"))
         if isinstance(entry_points, str):
             parser = configparser.ConfigParser(interpolation=None, strict=False)
             try:
@@ -203,12 +203,12 @@ class _Setup:
 
     def scripts(self) -> list[str]:
         """Return the paths of the programs that are installed as they are."""
-        scripts = self._value(self._given.get("scripts"))
+        scripts = self._value(self._setup_arguments.get("scripts"))
         return [path for path in scripts if isinstance(path, str)] if isinstance(scripts, list) else []
 
     def package_root(self) -> str:
         """Return the folder of the modules, from the folder of the package."""
-        package_dir = self._value(self._given.get("package_dir"))
+        package_dir = self._value(self._setup_arguments.get("package_dir"))
         root = package_dir.get("", "") if isinstance(package_dir, dict) else ""
         return root if isinstance(root, str) else ""
 

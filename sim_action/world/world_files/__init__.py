@@ -128,7 +128,7 @@ class _WorldReader:
             {body.body.name: body.parts for body in bodies if body.parts is not None},
             self._robot,
             tuple(self._world.models),
-            (*missing, *self._losses.found),
+            (*missing, *self._losses.entries),
             tuple(finding for finding in self._notes.findings if finding.level == "warning"),
             frozenset(stated),
             self._shapes.has_ground,

@@ -29,19 +29,19 @@ class LossList:
 
     def __init__(self, places: Mapping[Element, Location]) -> None:
         self.places = places
-        self.found: list[Loss] = []
+        self.entries: list[Loss] = []
 
     def add(self, element: Element, message: str, owner: str = "", *, kind: str = "", is_missing: bool = False) -> None:
         """Add a loss at an element; `owner`: name of its model, which the message names at its end."""
         kind = kind or _STATED.sub(r"<\1>", message)
         message = f"{message} ('{owner}')" if owner else message
         place = self.places.get(element)
-        self.found.append(Loss(message=message, location=place, kind=kind, is_missing=is_missing))
+        self.entries.append(Loss(message=message, location=place, kind=kind, is_missing=is_missing))
 
     def remark(self, element: Element, message: str, kind: str) -> None:
         """Add a remark at an element."""
         place = self.places.get(element)
-        self.found.append(Loss(message=message, location=place, kind=kind, is_remark=True))
+        self.entries.append(Loss(message=message, location=place, kind=kind, is_remark=True))
 
 
 HARMLESS_WORLD_PLUGINS: Final[Mapping[str, str]] = {

@@ -258,14 +258,14 @@ class WallClockWatch:
         self._traffic, self._lockstep = traffic, lockstep
         self._folder = Path(os.environ["ROS_LOG_DIR"], SLEEPERS)
         # Those of earlier simulations of this launch.
-        self._known = self._noted()
+        self._reported_names = self._noted()
 
     def look(self) -> None:
         """Report new ones. Call it at the begin of a tick, before anything is published."""
         for node in sorted(self._traffic.unasked()):
             self._lockstep.suspect(node, "it sent a command while the clock stood still")
-        for name in sorted(self._noted() - self._known):
-            self._known.add(name)
+        for name in sorted(self._noted() - self._reported_names):
+            self._reported_names.add(name)
             self._report(self._folder / name)
 
     def _noted(self) -> set[str]:
