@@ -186,7 +186,7 @@ _RULES: Final[dict[str, Callable[[Part, Table[Any]], str | None]]] = {
 
 
 def _why_no_line(text: object, most: int) -> str | None:
-    """Return what is wrong with a text that must be one line."""
+    """Return the problem with a text that must be one line."""
     if not isinstance(text, str) or not text.strip():
         return f"is {text!r}; it must be a text"
     if escaped_line(text) != text:
@@ -376,7 +376,7 @@ _NUMBERS: Final = ("measured", "limit", "margin", "time")
 
 
 def _why_no_verdict(verdict: object) -> str | None:
-    """Return what is wrong with a verdict."""
+    """Return the problem with a verdict."""
     if not isinstance(verdict, Verdict):
         return f"verdict() returned {verdict!r}; it must be a Verdict"
     if type(verdict.passed) is not bool:
@@ -391,7 +391,7 @@ def _why_no_verdict(verdict: object) -> str | None:
 
 
 def _why_no_truth(monitor: Monitor, trace: Trace) -> str | None:
-    """Return what is wrong with the truth of a condition."""
+    """Return the problem with the truth of a condition."""
     try:
         truth = monitor.truth(trace)
     except NotImplementedError:

@@ -95,7 +95,7 @@ def merge_results(request: MergeRequest) -> ExitCode:
         gates = gates_of(files, request.listing)
         outcomes = over_variations(list(_with_evidence(entries, evidence, options.folder)), gates)
         results = _results([file.results for file in files], outcomes, gates)
-        # No shard has reported what is missing, and none could judge a gate.
+        # No shard has reported the missing scenarios, and none could judge a gate.
         of_shards = {place for place, entry in enumerate(entries) if entry.origin is not None}
         runs = [outcome for place, outcome in enumerate(results.runs) if place not in of_shards]
         added = (*runs, *(outcome for outcome in outcomes if outcome.statistics is not None))
@@ -109,7 +109,7 @@ def _of_lost(path: Path, reason: str) -> Outcome:
 
 
 def _read(request: MergeRequest, invalid: dict[Path, str]) -> list[ResultsFile]:
-    """Return the files to join, if any; `invalid` receives the reasons of those that are not valid."""
+    """Return the files to join, if any; `invalid` receives the reasons for invalid files."""
     matches = find_all(request.results)
     files = [file for file in read_all(matches, lost=invalid) if not _is_earlier_output(file, request)]
     empty = [pattern for pattern, paths in matches.items() if not paths or not files]

@@ -247,7 +247,7 @@ def jobs_option(noun: str) -> Callable[[Command], Command]:
 def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, outside: bool = False) -> Suite:
     """Return the scenarios that the command line names.
 
-    Without paths, those of pyproject.toml count, or else the current folder. `flags` are the options of
+    Without paths, the paths of pyproject.toml count, or else the current folder. `flags` are the options of
     `taken_selection`; None selects everything. `outside`: True if links out of the workspace are followed. A
     path without scenarios is reported on standard error.
     """

@@ -45,7 +45,7 @@ def report(folders: tuple[str, ...], *, history: bool, **flags: Any) -> ExitCode
         if os.path.isfile(folder):  # noqa: PTH113 - a name that is too long is no file
             near = os.path.dirname(folder) or "."  # noqa: PTH120 - as typed
             raise UsageError(f"expected the output folder of a run, found the file {shown(folder)}; name {shown(near)}")
-    # The name of this command is also that of the option --report, whose value is in `flags`.
+    # This command and the option --report have the same name; `flags` has the value of the option.
     request = report_request(flags)
     return report_journal(request if folder is None else replace(request, folder=Path(folder)))
 

@@ -59,7 +59,7 @@ def _messages(refused: Refused) -> list[str]:
 
 
 def _count(refused: Sequence[Refused]) -> str:
-    """Return the counts of invalid scenarios and variations, and of those that a fault of sim-action left unchecked."""
+    """Return the counts of invalid scenarios, invalid variations and scenarios that sim-action failed to check."""
     faults = sum(isinstance(scenario.error, InternalError) for scenario in refused)
     alone = sum(scenario.group is not None for scenario in refused)
     variations = f", {alone} {'variation' if alone == 1 else 'variations'} invalid" if alone else ""

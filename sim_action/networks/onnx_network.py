@@ -98,7 +98,7 @@ def _filled(shape: tuple[int | None, ...], size: int, frames: int) -> tuple[int,
     """Return the shape of one sample of `size` values; a first dimension from the training repeats the sample."""
     filled = [dimension or 1 for dimension in shape]
     rest, remainder = divmod(size, math.prod(filled))
-    # The first of several is that of the samples.
+    # The first of several free dimensions counts the samples.
     free = [index for index, dimension in enumerate(shape) if dimension is None and (index or len(shape) == 1)]
     if remainder == 0 and (rest == 1 or free):
         if len(free) > 1 and rest % frames == 0:

@@ -1,7 +1,7 @@
 """Code that Python runs at the start of each process of a launch, to make nodes reproducible.
 
-The generators of `random` and of numpy start from the seed of the run and the name of the node, and so do those of
-`numpy.random.default_rng()`. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where
+The generators of `random` and of numpy, also new ones of `numpy.random.default_rng()`, start from the seed of the run
+and the name of the node. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where
 the node has `use_sim_time`. A loop around `rate.sleep()` goes on after `rclpy.spin` in another thread has handled all
 that was due.
 

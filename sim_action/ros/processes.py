@@ -191,7 +191,7 @@ class WatchedProcesses:
         return frozenset(threads)
 
     def busy(self, seconds: float) -> frozenset[int]:
-        """Return the processes that run for a notable part of some s of wall time, or else those that do not sleep.
+        """Return the processes that run for a notable part of `seconds` of wall time, or else all awake processes.
 
         On a machine with too much load, a process that never sleeps may hardly run.
         """

@@ -93,7 +93,7 @@ class Ending:
 
 
 def ending_of(output: str, directory: Path) -> Ending:
-    """Return what a failed node said; `directory`: that of the user's code."""
+    """Return what a failed node said; `directory`: the folder of the user's code."""
     return next(_endings(output, directory), Ending())
 
 

@@ -1,7 +1,7 @@
 """The topics of a robot: their names, the ticks at which they are published, and values that messages share.
 
 A scenario states names by their keys; the others are the usual ones. The rate of a topic holds on average, also if it
-does not divide that of the ticks.
+does not divide the rate of the ticks.
 """
 
 from __future__ import annotations

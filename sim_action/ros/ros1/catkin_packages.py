@@ -21,7 +21,7 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]*")
 def packages_below(folder: Path) -> dict[str, Path]:
     """Return name -> folder of the packages in a folder and below it, without the output of builds.
 
-    A package whose name cannot be that of a folder has the name of its folder; the first of a name counts.
+    A package whose name is no valid folder name is named after its folder; the first package of a name counts.
     """
     packages: dict[str, Path] = {}
     for name, folders in folders_below(folder, inside_packages=False).packages.items():

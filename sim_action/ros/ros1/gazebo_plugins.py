@@ -1,10 +1,10 @@
-"""The Gazebo plugins that a robot's description asks for, and the table of those that are supported.
+"""The Gazebo plugins that a robot's description asks for, and the table of supported plugins.
 
 They are read from URDF, `<gazebo><plugin>` and `<gazebo reference="LINK"><sensor><plugin>`, and from SDF, where both
 stand in models and links (classic.gazebosim.org, "Gazebo plugins in ROS").
 
-The table "gazebo_ros" of `part_table` says which tags are read, harmless or lost. Names and defaults are those of
-gazebo_ros_pkgs for ROS Noetic and of Gazebo's reader of URDF. A tag that is not in it is lost, too: it may be misspelt.
+The table "gazebo_ros" of `part_table` says which tags are read, harmless or lost. Names and defaults come from
+gazebo_ros_pkgs for ROS Noetic and Gazebo's reader of URDF. A tag missing in the table is lost, too: it may be a typo.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ def _lost(holder: Element, place: str, owner: str) -> Iterator[str]:
 
 
 def plugin_remarks(plugin: Plugin) -> Iterator[str]:
-    """Yield a message for each tag that Gazebo's plugin does not read either, and for rates above that of the clock."""
+    """Yield a message for each tag that Gazebo's plugin does not read either, and for rates above the clock's rate."""
     table = part_table("gazebo_ros")
     for part in table.unread(plugin.own.element, plugin.name, _APART) if plugin.own.element is not None else ():
         if part.row is None and part.place == plugin.name and not part.name.startswith("@"):

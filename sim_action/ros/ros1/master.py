@@ -21,7 +21,7 @@ _TIMEOUT_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """The nodes that are up: topic -> nodes that publish and subscribe, node -> process, and that of the master."""
+    """The nodes that are up: topic -> nodes that publish and subscribe, node -> process, and the master's process."""
 
     publishers: Mapping[str, frozenset[str]]
     subscribers: Mapping[str, frozenset[str]]

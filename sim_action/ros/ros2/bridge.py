@@ -152,7 +152,7 @@ class _Bridge:
         self._clients: dict[str, Any] = {}
 
     def types(self, request: Json) -> Json:
-        """Return those of the types whose packages are installed."""
+        """Return the types whose packages are installed."""
         types = []
         for name in request["names"]:
             with suppress(ImportError, AttributeError):

@@ -3,7 +3,7 @@
 The requests, by their key `op`:
 
 - the first one: the name of its `node`; the answer has the RMW;
-- `types`: the answer has those of the `names` whose packages are installed;
+- `types`: the answer has the `names` whose packages are installed;
 - `open`: creates more `publishers` and `subscriptions`, each with `topic`, `type`, `qos` and `least`: null, or a field
   and a number; messages with less are ignored;
 - `matched`: the answer has the number of ends that each publisher and each subscription is connected to;
@@ -72,7 +72,7 @@ class Bridge:
         return self._rmw
 
     def known_types(self, names: Iterable[str]) -> frozenset[str]:
-        """Return those of the types whose packages are installed. Raises BridgeEnded."""
+        """Return the types whose packages are installed. Raises BridgeEnded."""
         answer, _ = self._ask(op="types", names=list(names))
         return frozenset(answer["types"])
 

@@ -77,7 +77,7 @@ class LoggedErrors:
     """The errors of a run: one message for each line of code that logs them, in the order of their first errors."""
 
     def __init__(self, directory: Path) -> None:
-        """Begin without errors; `directory`: that of the user's code."""
+        """Begin without errors; `directory`: the folder of the user's code."""
         self._directory = directory
         self._first: dict[_Source, tuple[int, str]] = {}
         self._times: Counter[_Source] = Counter()
@@ -197,8 +197,8 @@ class Session:
 class DrivenNodes:
     """The nodes that drive a robot, and the bridge to them.
 
-    If several robots have nodes, all have published a moment before sim time advances. Those that come first in a tick
-    obey at the next one what nodes then send. `seconds`: sim time of the last tick. `lockstep`: that of the nodes of
+    If several robots have nodes, all have published a moment before sim time advances. The first robots in a tick
+    obey at the next tick what nodes then send. `seconds`: sim time of the last tick. `lockstep`: shared by the nodes of
     all robots. `listeners`: the number of subscriptions of each of its clocks; of the first robot. `transcript`: all
     messages that command the robot; `has_heard`: there was one. `notes` are complete after `close`.
     """

@@ -2,9 +2,9 @@
 
 Files alone are looked at; no process is started. The release is the one of rclpy, which each distribution raises.
 
-The environment of an install prefix is that of its setup.bash, read from .dsv files without a shell. Such a file has a
-change per line, such as `prepend-non-duplicate;PYTHONPATH;lib/python3.12/site-packages` (colcon and ament write it next
-to each script). A script without such a file cannot be read, and is named instead.
+The environment of an install prefix is set by its setup.bash, and read from .dsv files without a shell. Such a file has
+a change per line, such as `prepend-non-duplicate;PYTHONPATH;lib/python3.12/site-packages` (colcon and ament write it
+next to each script). A script without such a file cannot be read, and is named instead.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class NotInstalled(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class Ros2:
-    """An installation of ROS 2: the prefixes, those of the user first, and the interpreter that has rclpy.
+    """An installation of ROS 2: the prefixes, the user's first, and the interpreter that has rclpy.
 
     `rmw`: as in RMW_IMPLEMENTATION. `source`: where it was found, in words. `variables`: of all processes. `unread`:
     scripts of its setup.bash that only a shell can run, and that were not run.

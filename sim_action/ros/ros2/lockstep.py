@@ -65,7 +65,7 @@ class Lockstep:
         self.nodes: list[Node] = []
         self.clocks: list[int] = []
         self.losses: list[str] = []
-        # True if nodes have no clock of their own, and listen to that of all tools.
+        # True if nodes have no clock of their own, and listen to the clock of all tools.
         self._is_heard = True
         self._all = bridge.open([Endpoint(CLOCK, CLOCK_TYPE, CLOCK_QOS)], ())
 
@@ -111,7 +111,7 @@ class Lockstep:
             self.losses += self._unordered.notice_wakes(self._watched.stirred(), time.monotonic())
 
     def advance(self, seconds: float) -> None:
-        """Tell the time to one node after the other."""
+        """Send the time to one node after the other."""
         message = clock_message(seconds)
         for number in self.clocks:
             self._bridge.publish(number, message)
@@ -121,7 +121,7 @@ class Lockstep:
             self.settle(seconds)
 
     def tell_time(self, seconds: float) -> None:
-        """Tell the time to all nodes at once."""
+        """Send the time to all nodes at once."""
         for number in (*self.clocks, self._all):
             self._bridge.publish(number, clock_message(seconds))
 
@@ -254,7 +254,7 @@ class Readiness:
     def await_connections(self, watched: Collection[str]) -> None:
         """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
 
-        `watched`: topics besides those of the bridge that may not change. Ends that cannot connect, because their type
+        `watched`: more topics that may not change, besides the bridge's. Ends that cannot connect, because their type
         or their QoS differs, are not waited for. Raise ScriptError, BridgeEnded.
         """
         before: Graph | None = None

@@ -72,7 +72,7 @@ class NodeProcess:
             os.killpg(self.pid, number)
 
     def close(self) -> None:
-        """Kill what is left of the group, and reap the process."""
+        """Kill the rest of the group, and reap the process."""
         self.signal_group(signal.SIGKILL)
         self._process.wait()
         self._output.close()
@@ -175,7 +175,7 @@ class NodeGroup:
         """Wait until the first nodes are started. Raise SourceProblem, ScriptError."""
 
     def tell_time(self, seconds: float) -> None:
-        """Start what is due at a sim time, in s. Raise ScriptError."""
+        """Start the actions that are due at a sim time, in s. Raise ScriptError."""
 
     def new_nodes(self) -> list[Node]:
         """Return the nodes that were started since the last call, in a fixed order. Raise ScriptError."""

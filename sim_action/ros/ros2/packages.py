@@ -262,7 +262,7 @@ def workspace_of(stated: str | None, workspace: Workspace) -> Path:
 class Packages:
     """The packages of a workspace and of ROS 2; `ros` None: ROS 2 is not installed, and may have other packages.
 
-    `installed`, `distributed`: name -> prefix of packages that are built, and of those of ROS 2. `sources`: the others.
+    `installed`, `distributed`: name -> prefix of built packages, and of ROS 2's. `sources`: the other packages.
     `outdated`: Python files of packages that are built, and whose installed copies differ.
     """
 

@@ -1,9 +1,9 @@
 """The build of a workspace's own messages on the wheels of ROS 2, which `sim-action ros2 prepare` does.
 
 The packages are built one after the other with the generators of the wheels, into the `install` folder of the workspace
-as colcon would do it, so everything that looks for packages finds them. A package is built again when its files, those
-that it needs, or the wheels have changed. Packages in Python need no build. Those in C++ are built if packages in
-Python or with messages need them, as tf2_ros_py needs tf2, and if there is all that they need: the wheels lack rclcpp.
+as colcon would do it, so everything that looks for packages finds them. A package is built again when its files, the
+packages that it needs, or the wheels have changed. Packages in Python need no build. Packages in C++ are built if
+packages in Python or with messages need them, as tf2_ros_py needs tf2, and if all needs exist: the wheels lack rclcpp.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Source:
 
 
 def sources_in(workspace: Path) -> dict[str, Source]:
-    """Return the packages of a workspace and of its .repos files, each after those that it needs. Raise UsageError."""
+    """Return the packages of a workspace and its .repos files, each after the packages it needs. Raise UsageError."""
     below = workspace / "src" if (workspace / "src").is_dir() else workspace
     places = {folder.resolve(): None for folder in (below, *_imports(workspace))}
     outer = [place for place in places if not any(other in place.parents for other in places)]
@@ -205,7 +205,7 @@ def prepare(
     """Build the packages that have changed, and yield a line about each package.
 
     Raise UsageError. `cache`: a folder for the files of builds; `environment`: the variables that builds may see;
-    `names`: the packages to build, with those that they need; None: all.
+    `names`: the packages to build, with all packages that they need; None: all.
     """
     sources = sources_in(workspace)
     if messages := [f"{place}: {message}" for message, place in problems(sources, ros.prefixes)]:
@@ -330,7 +330,7 @@ def _prefix_of_builds(ros: Ros2, cache: Path) -> Path:
 def _build(
     source: Source, others: list[Path], wheels: Path, install: Path, *, ros: Ros2, environment: Mapping[str, str]
 ) -> None:
-    """Build a package into its own prefix, beside `wheels`. Raise UsageError with the last lines of the build."""
+    """Build a package into its own prefix, next to `wheels`. Raise UsageError with the last lines of the build."""
     paths = os.pathsep.join(map(str, (*others, wheels)))
     folder = wheels.with_name(f"{wheels.name}-{source.name}")
     shutil.rmtree(folder, ignore_errors=True)

@@ -1,7 +1,7 @@
 """Commands that nodes send: subscriptions, and the twists and joint targets that follow from their messages.
 
-Joints are commanded as by the controllers of ros2_control: topics and messages are those of joint_trajectory_controller
-and forward_command_controller.
+Joints are commanded as by the controllers of ros2_control, with the topics and messages of
+joint_trajectory_controller and forward_command_controller.
 """
 
 from __future__ import annotations

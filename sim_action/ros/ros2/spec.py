@@ -209,11 +209,11 @@ class JointController(FrozenModel):
         return names or ()
 
     def topic(self, name: str) -> str:
-        """Return its usual topic; `name`: that of the controller."""
+        """Return its usual topic; `name`: the name of the controller."""
         return f"/{name.strip('/')}/{'joint_trajectory' if self.kind == 'trajectory' else 'commands'}"
 
     def joints(self, model: RobotModel) -> tuple[str, ...]:
-        """Return its joints, in the order of the names, and in that of the model for patterns and groups."""
+        """Return its joints, in the order of the names; for patterns and groups, in the order of the model."""
         matches = joints_set_by(model, dict.fromkeys(self.names))
         return tuple(dict.fromkeys(joint for name in self.names for joint in matches[name]))
 
@@ -262,8 +262,8 @@ class Ros2Commands(CommandSource):
     [launch files](../../docs/ros2/launch.md), and `namespace` for [several robots](../../docs/ros2/reference.md).
 
     Sim time starts at 0 when all nodes are up and connected; `use_sim_time` is set. It advances only when every node
-    has handled all its messages, so every run is the same: `random` and `numpy.random` start from `seed`, and timeouts
-    such as that of `spin_once` are sim time. A node that does not follow sim time, or is still busy after 10 s of wall
+    has handled all its messages, so every run is the same: `random` and `numpy.random` start from `seed`, and timeouts,
+    such as in `spin_once`, are sim time. A node that does not follow sim time, or is still busy after 10 s of wall
     time, is named in a warning. With `pace: realtime`, nodes run by the wall clock.
 
     A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
@@ -335,7 +335,7 @@ class Ros2Commands(CommandSource):
             yield ("ros2", "topics", *path), message
 
     def joints(self, scene: Scene) -> frozenset[str]:
-        """See CommandSource.joints: those of controllers."""
+        """Return the joints of the controllers."""
         groups = (controller.joints(scene.model) for controller in self.ros2.controllers.values())
         return frozenset(joint for joints in groups for joint in joints)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.spec import Ros2Nodes, Ros2NodeSpec
 
 DOMAINS: Final = range(1, 102)
-"""The domains whose ports are below those that Linux gives to any program. 0 is the default of all ROS systems."""
+"""The domains whose ports are below the ephemeral ports of Linux. 0 is the default of all ROS systems."""
 
 _LOCK: Final = "sim-action-ros2-domain"
 # Of DDS: the ports of a domain begin here, and each domain has so many.
@@ -88,7 +88,7 @@ def _used() -> Iterator[int]:
 
 
 def scratch_of(domain: Domain, workspace: Workspace, inherited: Mapping[str, str]) -> ProcessFolder:
-    """Return the folder in which all processes of a run are started, with what is common to their environments."""
+    """Return the folder in which all processes of a run are started, with the common part of their environments."""
     variables = {
         "ROS_DOMAIN_ID": str(domain.number),
         # The profile says all about transports and discovery: LOCALHOST would add shared memory.
@@ -179,7 +179,7 @@ def _start_node(
 
 
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
-    """Return the error for a node that has ended; `directory`: that of the user's code."""
+    """Return the error for a node that has ended; `directory`: the folder of the user's code."""
     text = process.text()
     how, ending = "finished during the run, and it is required", Ending()
     if code:

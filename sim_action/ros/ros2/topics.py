@@ -1,6 +1,6 @@
 """The topics of a robot in ROS 2, as users of ros_gz_bridge know them, and its frames for /tf and /tf_static.
 
-`odom` is the parent of the base link, as a differential drive publishes it. The frames of links are those of a
+`odom` is the parent of the base link, as a differential drive publishes it. Links have the frames of a
 robot_state_publisher. A sensor has a frame of its own if its pose on the link is stated. A camera always has one,
 because its messages are in an optical frame.
 """
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 _ODOM: Final = "odom"
 
-# Kinds of sensors whose messages have no frame of their own: odometry is that of the base.
+# Kinds of sensors whose messages have no frame of their own: odometry uses the frame of the base.
 _WITHOUT_FRAME: Final = frozenset({"odometry", "contact"})
 
 STATES_RATE_HZ: Final = 50.0
@@ -147,11 +147,11 @@ class Channels:
 def topics_of(
     scene: Scene, stated: Mapping[str, str], controllers: _Controllers = _NO_CONTROLLERS, space: str = ""
 ) -> dict[str, str]:
-    """Return the topics of a robot by their keys, with the stated ones; those without a "/" in front are in `space`.
+    """Return the topics of a robot by their keys, with the stated ones; names without a "/" in front are in `space`.
 
     The keys are `cmd_vel` (with a drive), `odom` (unless the base is fixed, or a sensor measures odometry),
-    `joint_states` (with joints), the names of controllers, or else `joint_trajectory` (with joints that are not those
-    of the drive), and the names of sensors.
+    `joint_states` (with joints), the names of controllers, or else `joint_trajectory` (with joints that the drive
+    does not use), and the names of sensors.
     """
     usual = dict(robot_topics.ROBOT_TOPICS)
     usual |= {name: controller.topic(name) for name, controller in controllers.items()}
@@ -237,7 +237,7 @@ def _drive_of(scene: Scene) -> Drive | None:
 
 
 def _free_joints(scene: Scene) -> tuple[Joint, ...]:
-    """Return the joints that can be driven, except those of the drive."""
+    """Return the joints that can be driven, except the joints of the drive."""
     drive, model = _drive_of(scene), scene.model
     is_valid = drive is not None and not any(drive.problems(model))
     driven = drive.open(model, scene.physics.rate).joints if drive is not None and is_valid else frozenset()
@@ -327,7 +327,7 @@ def _sensors(scene: Scene, topics: Mapping[str, str], frames: RobotFrames) -> It
 
 
 def _messages_of(sensor: Fitting, frames: RobotFrames) -> Sequence[tuple[str, Callable[[Any], Message]]]:
-    """Return type and message of the topic of a sensor, and of those beside the images of a camera."""
+    """Return type and message of each topic of a sensor; a camera has several."""
     frame, keys, odometry = frames.sensors[sensor.name], cast(Any, sensor.keys), (frames.odom, frames.base)
     image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
     rows: Mapping[str, Sequence[tuple[str, Callable[[Any], Message]]]] = {

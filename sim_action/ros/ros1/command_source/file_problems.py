@@ -75,7 +75,7 @@ class Packages:
         """Return the message for a missing package; None if it exists, or cannot be checked."""
         if name in self.users or name in self.distributed or self.ros is None:
             return None
-        # Suggest the user's own packages; those of ROS would fill a screen.
+        # Suggest the user's own packages; the packages of ROS would fill a screen.
         near = did_you_mean(name, self.users or self.distributed)
         return f"there is no package '{name}' in {self.workspace} or ROS{near}"
 

@@ -86,7 +86,7 @@ class RosNodes(Nodes[NodeSpec]):
 class RosCommands(CommandSource):
     """Drives the base by unmodified nodes of ROS 1: real roscore, roslaunch and rospy, without Gazebo.
 
-    The nodes are those of a launch file, or a list; an entry is `package/type` or a map. They run on the installed ROS
+    The nodes come from a launch file or a list; an entry is `package/type` or a map. They run on the installed ROS
     (see [ROS 1 without Gazebo](/docs/ros1/index.md)) and need no catkin build. A `geometry_msgs/Twist` on `/cmd_vel`
     drives the robot, and holds until the next one. The nodes can subscribe to:
 

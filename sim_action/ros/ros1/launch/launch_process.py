@@ -66,7 +66,7 @@ class Launch:
     ) -> Self:
         """Start a command line that sees the overlay; its output goes to a file, or to `output_stream`."""
         output = folder / "output.txt"
-        # The supervisor runs on this Python, its processes on that of the distribution.
+        # The supervisor runs on this Python, its processes on the Python of the distribution.
         supervisor = [sys.executable, "-P", "-m", "sim_action.runner.isolation.command_supervisor"]
         variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": PACKAGE_ROOT}
         with output.open("wb") as file:

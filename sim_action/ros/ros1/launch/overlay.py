@@ -64,9 +64,9 @@ _FALLBACKS: Final = frozenset(
 
 _MESSAGE_KINDS: Final = ("msg", "srv")
 
-# One interpreter for all: starting one for each kind and package takes longer than its work. Definitions that ROS has
-# only as modules are read from those: a module holds the definitions of all messages that its message uses. A package
-# that uses one that nobody has gets a module that says so: most nodes of a workspace do not need it.
+# One interpreter for all: starting one for each kind and package takes longer than its work. A definition that
+# ROS has only as a module is read from the module, which holds the definitions of all messages that its message uses. A
+# package that uses a missing definition gets a module that says so: most nodes of a workspace do not need it.
 _GENERATE_MESSAGES: Final = """\
 import contextlib, importlib, io, json, os, re, shutil, sys
 from genpy.generator import MsgGenerator, SrvGenerator
@@ -218,7 +218,7 @@ def generate_messages(packages: Mapping[str, Path], available: Mapping[str, Path
 
 
 def scratch_parent() -> str:
-    """Return a folder for those of calls, without blanks, at which roslaunch splits commands. Raises UsageError."""
+    """Return a folder for scratch folders, without blanks, at which roslaunch splits commands. Raises UsageError."""
     for folder in (tempfile.gettempdir(), *_SCRATCH_FOLDERS):
         if not _SPLIT_CHARACTERS.search(os.path.realpath(folder)) and os.access(folder, os.W_OK | os.X_OK):
             return folder

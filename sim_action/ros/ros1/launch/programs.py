@@ -22,7 +22,7 @@ def gzserver() -> int:
     from sim_action.core.process import collect_garbage_rarely  # the rest of the module runs without it
 
     collect_garbage_rarely()
-    # Before any thread starts, also those of numpy and engines: one that does not block the signals may receive them.
+    # Before any thread starts, also of numpy and engines: a thread that does not block the signals may receive them.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     # the rest of the module runs without it
     from sim_action.ros.ros1.launch_request import (

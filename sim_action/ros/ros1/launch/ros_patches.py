@@ -34,7 +34,7 @@ import threading
 import time
 from typing import Any
 
-SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in that of the logs
+SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in the folder of the logs
 ALONE = "no_other_node"  # file of a launch that has only a simulation, in the folder of the logs
 TEST_LIMIT = "test_time_limit"  # file of the limit of the running test in s of sim time, in the folder of the logs
 
@@ -150,7 +150,7 @@ def _log_callback(name: str, error: BaseException) -> None:
 
 
 def _log_errors_of_threads() -> None:
-    """Log what a thread of a node raises, such as that of a timer."""
+    """Log what a thread of a node raises, such as the thread of a timer."""
     hook = threading.excepthook
 
     def log_and_print(raised: Any) -> None:

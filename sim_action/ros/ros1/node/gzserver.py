@@ -239,7 +239,7 @@ class _Server:
 
 
 def _sim_time_limit(request: SimulationRequest) -> float | None:
-    """Return the limit of the test that runs in s, else that of the request."""
+    """Return the limit in s of the test that runs, else the limit of the request."""
     if not request.limits_tests:
         with suppress(OSError):
             return float(Path(os.environ["ROS_LOG_DIR"], TEST_LIMIT).read_text())

@@ -1,6 +1,6 @@
 """Parts of a simulation that only the node itself adds: sensors of all states or on demand, and the planar drive.
 
-The drive is that of Gazebo's planar_move: it pushes a base over the ground at the commanded velocity.
+The drive works like Gazebo's planar_move: it pushes a base over the ground at the commanded velocity.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from sim_action.world.scene import Scene
 _NAME: Final = "states"
 PLUGIN: Final = "gazebo_ros_planar_move"
 
-# Gazebo sets the velocity at every step, whatever is in the way. With this force, 1 m/s takes 10 ms.
+# Gazebo sets the velocity at every step, even against an obstacle. With this force, 1 m/s takes 10 ms.
 _MAX_FORCE_PER_WEIGHT: Final = 10.0
 _LEVER_ARM_M: Final = 1.0
 

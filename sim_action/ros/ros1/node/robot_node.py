@@ -64,7 +64,7 @@ _MESSAGES: Final[Mapping[str, tuple[type[Any], Callable[[Fitting, tuple[str, str
     "camera": (Image, lambda sensor, _, reading: image_message(reading.time, sensor.link, reading.rgb)),
     "contact": (Bool, lambda _sensor, _frames, reading: {"data": reading.touching}),
 }
-"""Kind of a sensor -> message type and conversion of a reading; the frames are those of odometry."""
+"""Kind of a sensor -> message type, and its conversion from sensor, frames of odometry and reading."""
 
 
 class RobotNode:

@@ -336,7 +336,7 @@ class GazeboServices:
         return self._current.model
 
     def _robot_joint(self, name: str) -> Joint:
-        """Return a joint, by its name with or without that of its model. Raises LookupError."""
+        """Return a joint by its name, with or without the name of its model. Raises LookupError."""
         short, joints = _short(name), self._robot.joints_by_name
         if short not in joints:
             raise LookupError(f"the robot has no joint '{short}'{did_you_mean(short, joints)}")

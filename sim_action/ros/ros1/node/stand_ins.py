@@ -52,7 +52,7 @@ def robot_state_publisher() -> int:
         nonlocal last
         seconds = message.header.stamp.to_sec()
         transforms = list(frames.at(dict(zip(message.name, message.position, strict=False))))
-        # A time that goes back is that of a simulation that starts again.
+        # Time goes back when a simulation starts again.
         if transforms and (seconds >= last + interval or seconds < last):
             last = seconds
             moving.publish(_transforms(seconds, transforms))
@@ -63,7 +63,7 @@ def robot_state_publisher() -> int:
 
 
 def joint_state_publisher() -> int:
-    """Publish positions at a fixed rate: those of `source_list`, else those of `zeros`, until asked to leave."""
+    """Publish positions from `source_list`, else from `zeros`, at a fixed rate until asked to leave."""
     rospy.init_node("joint_state_publisher")
     joints = _model().moving_joints
     zeros = rospy.get_param("~zeros", {})
@@ -102,10 +102,10 @@ def _middle(joint: Joint) -> float:
 
 
 def static_transform_publisher() -> int:
-    """Publish a frame until asked to leave: again and again on /tf, as that of tf, or once, as that of tf2_ros.
+    """Publish a frame until asked to leave: again and again on /tf, as tf does, or once, as tf2_ros does.
 
-    The arguments are x, y, z, the rotation as yaw, pitch and roll or as a quaternion, the parent and the child; that of
-    tf has a period in ms after them.
+    The arguments are x, y, z, the rotation as yaw, pitch and roll or as a quaternion, the parent and the child; for
+    tf, a period in ms follows.
     """
     rospy.init_node("static_transform_publisher", anonymous=True)
     words = rospy.myargv()[1:]
@@ -140,7 +140,7 @@ def relay() -> int:
 
     def send(message: Any) -> None:
         nonlocal publisher
-        # The type is that of the first message.
+        # The first message decides the type.
         if publisher is None:
             kind = roslib.message.get_message_class(message._connection_header["type"])  # noqa: SLF001 - as rospy documents
             publisher = rospy.Publisher(to[0] if to else f"{topic}_relay", kind, queue_size=None)

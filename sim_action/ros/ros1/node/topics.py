@@ -257,7 +257,7 @@ class WallClockWatch:
     def __init__(self, traffic: Traffic, lockstep: Lockstep) -> None:
         self._traffic, self._lockstep = traffic, lockstep
         self._folder = Path(os.environ["ROS_LOG_DIR"], SLEEPERS)
-        # Those of earlier simulations of this launch.
+        # The files from earlier simulations of this launch.
         self._reported_names = self._noted()
 
     def look(self) -> None:

@@ -96,7 +96,7 @@ def _own_tags(path: Path) -> list[LaunchTag]:
         tags.append(LaunchTag(name, attributes, Location(file, parser.CurrentLineNumber)))
 
     parser.StartElementHandler = begin
-    # roslaunch reports what is wrong with the file.
+    # roslaunch reports the errors in the file.
     with suppress(xml.parsers.expat.ExpatError):
         parser.Parse(content_or_empty(path, _MAX_LAUNCH_FILE_BYTES), True)
     return tags

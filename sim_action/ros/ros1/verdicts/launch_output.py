@@ -142,7 +142,7 @@ class CallbackError:
         return self.exception.partition(":")[0].rpartition(".")[2] == "AssertionError"
 
     def is_of(self, test: str) -> bool:
-        """Return True if the node is that of a test; logs name a node with its namespace."""
+        """Return True if the node belongs to a test; logs name a node with its namespace."""
         return self.node == test or self.node.endswith(f"-{test}")
 
     def __str__(self) -> str:

@@ -136,7 +136,7 @@ class _Element:
         self.children: list[_Element] = []
 
     def action(self) -> Part:
-        """Return the action; what is wrong with it is an error when it runs."""
+        """Return the action; its faults are errors when it runs."""
         kind, names = ACTIONS.get(self.tag, (None, {}))
         if kind is None:
             return _unknown(f"the element <{self.tag}>").part((), {"condition": self._condition()}, self.place)

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 if __name__ == "__main__":
-    # Only the modules beside this one are imported, not the whole package with its dependencies.
+    # Only modules of this folder are imported, not the whole package with its dependencies.
     sys.modules["sim_action"] = ModuleType("sim_action")
     sys.modules["sim_action"].__path__ = [str(Path(__file__).resolve().parents[3])]
 
@@ -94,7 +94,7 @@ class _Launcher:
         self._events.write(json.dumps({"event": event, **more}).encode() + b"\n")
 
     def _visit(self, actions: Any) -> None:
-        """Run actions, and tell the timers and the end that they state."""
+        """Run actions, and report the timers and the end that they state."""
         self._context.visit(actions)
         for due, _ in self._context.timers[self._timers :]:
             self.tell("timer", time=due)
@@ -104,7 +104,7 @@ class _Launcher:
             raise KeyboardInterrupt
 
     def _settle(self, seconds: float) -> None:
-        """Handle the ends of programs that are left out, and tell that nothing more starts at this time."""
+        """Handle the ends of programs that are left out, and report that nothing more starts at this time."""
         while self._ended:
             self._handle_exit(*self._ended.pop(0))
         self.tell("calm", time=seconds, pid=os.getpid())

@@ -501,7 +501,7 @@ def parameters(context: Context, values: Mapping[Any, Any], before: str = "") ->
 
 
 def _plain(context: Context, name: str, value: Any) -> Any:
-    """Return the value of a parameter by the rules of launch_ros: what is not plain text is read as YAML."""
+    """Return the value of a parameter by the rules of launch_ros: all but plain text is read as YAML."""
     if isinstance(value, Part) and value.kind.function is _parameter_value:
         return value.run(context)
     if isinstance(value, (str, bool, int, float)):
@@ -554,7 +554,7 @@ def _unescaped(text: str) -> str:
 
 
 def _end(text: str, start: int) -> int:
-    """Return the place of the ')' that closes what is open at the start, -1 if there is none."""
+    """Return the place of the ')' that closes the '(' before the start, -1 if there is none."""
     depth, place = 0, start
     while place < len(text):
         depth += (text[place] == "(") - (text[place] == ")")

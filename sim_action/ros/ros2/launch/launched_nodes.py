@@ -129,7 +129,7 @@ def generate_launch_description():
 
 @dataclass(frozen=True, slots=True)
 class RobotTopics:
-    """The topics on which the robot of the scenario takes commands, and those that it publishes."""
+    """The topics on which the robot of the scenario takes commands, and the topics that it publishes."""
 
     commands: frozenset[str]
     published: frozenset[str]
@@ -137,7 +137,7 @@ class RobotTopics:
 
 @dataclass(frozen=True, slots=True)
 class LaunchSpec:
-    """The input of a launch; `results`: file for those of a launch test, which name `package`; None: a launch file."""
+    """The input of a launch; `results`: file of results of a launch test, which name `package`; None: a launch file."""
 
     file: Path
     python: Path
@@ -150,7 +150,7 @@ class LaunchSpec:
 
 
 class LaunchedNodes(NodeGroup):
-    """All processes of a launch; `topics`: those of the robot, which a launch test spawns after the start."""
+    """All processes of a launch; `topics`: the topics of the robot, which a launch test spawns after the start."""
 
     def __init__(self, spec: LaunchSpec, folder: ProcessFolder) -> None:
         """Start the launcher, and return at once. Raise ScriptError."""

@@ -1,8 +1,8 @@
 """The launcher: the real LaunchService or launch_testing in ROS's Python, with events as lines of JSON.
 
-declared_launch.py runs it where `launch` is installed, on the Python of ROS, which may be an old one; only the modules
-beside it are imported. Every process of a launch is prepared by one method of `launch`, wherever its action stands: in
-an included file, a group, an event handler, XML or YAML. There each node gets its own clock and sim time.
+declared_launch.py runs it where `launch` is installed, on the Python of ROS, which may be an old one; only modules of
+this folder are imported. Every process of a launch is prepared by one method of `launch`, wherever its action stands:
+in an included file, a group, an event handler, XML or YAML. There each node gets its own clock and sim time.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class _SimTime:
 
 
 class _Launcher:
-    """Changes `launch` in this process, and tells what happens."""
+    """Changes `launch` in this process, and reports what happens."""
 
     def __init__(self, task: dict[str, Any], events: _Events) -> None:
         self._task, self._events = task, events
@@ -94,7 +94,7 @@ class _Launcher:
         self._clocks = self._firing = 0
         self._owes_calm = True
         self._has_started = False
-        # Commands of processes with their roles, and those of processes that are about to start.
+        # Commands of processes with their roles, and commands of processes that are about to start.
         self._roles: list[tuple[list[str], dict[str, Any]]] = []
         self._starting: list[list[str]] = []
         # The arguments that launch files declare, and the names that they read.
@@ -138,7 +138,7 @@ class _Launcher:
         self._tell_if_calm()
 
     def _tell_if_calm(self) -> None:
-        """Tell that all actions so far are done, and their processes started."""
+        """Report that all actions so far are done, and their processes started."""
         if not self._owes_calm or self._starting or self._firing or not self._context._event_queue.empty():  # noqa: SLF001 - launch has no other way
             return
         self._owes_calm = False
@@ -236,7 +236,7 @@ class _Launcher:
         return request
 
     async def _start_process(self, original: Any, *args: Any, **words: Any) -> Any:
-        """Start a process and tell its id, or tell why it does not start, which `launch` only logs."""
+        """Start a process and report its id, or why it does not start, which `launch` only logs."""
         command = words["cmd"]
         role = next((role for other, role in self._roles if other is command), {})
         try:

@@ -47,7 +47,7 @@ class _Manager:
         return rospy.ServiceProxy(service, kind)(*arguments)
 
     def load(self, names: Sequence[str]) -> list[str]:
-        """Load controllers, and return the names of those that were loaded."""
+        """Load controllers, and return the names of the loaded ones."""
         return [name for name in names if _report(self.ask("load_controller", LoadController, name).ok, "loaded", name)]
 
     def unload(self, names: Sequence[str]) -> bool:
