@@ -337,8 +337,9 @@ def _check_monitor(watched: _Watched, problems: _Problems) -> None:
 
 
 def _check_blocks(watched: _Watched, whole: Monitor, problems: _Problems) -> None:
-    """Check the verdicts on a trace in blocks: all are those on the trace in one piece."""
-    monitor, at, turn = watched.opened(), 0, 0
+    """Check the verdicts on a trace in blocks: all equal the verdicts on the trace in one piece."""
+    monitor = watched.opened()
+    at, turn = 0, 0
     decided: tuple[State, bool] | None = None
     while at < len(watched.trace):
         end = min(len(watched.trace), at + _BLOCKS[turn % len(_BLOCKS)])

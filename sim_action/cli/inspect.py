@@ -38,7 +38,8 @@ def inspect(model: str, as_json: bool, losses: bool, **flags: Any) -> ExitCode:
     sim-action.
     """
     robot, workspace = asked_model(model, flags)
-    inspection, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
+    inspection = inspect_apart(robot, workspace)
+    mask = Mask.of(os.environ, workspace.pass_env)
     described = losses_text if losses else inspection_text
     click.echo(inspection_json(inspection, mask) if as_json else mask.text(described(inspection)))
     return ExitCode.PASSED

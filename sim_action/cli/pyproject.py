@@ -152,7 +152,8 @@ def _is_below(folder: Path, name: str) -> bool:
         resolved = (folder / name).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
         return False
-    named, is_inside = PurePath(name), resolved.is_relative_to(folder.resolve())
+    named = PurePath(name)
+    is_inside = resolved.is_relative_to(folder.resolve())
     return (
         name.isprintable()
         and is_inside

@@ -262,7 +262,8 @@ def _content(path: Path, used: int, limit: Callable[[int], None]) -> bytes:
 
 def _data_files(content: bytes, folder: Path, workspace: Workspace, limit: Callable[[int], None]) -> dict[str, bytes]:
     """Return name -> content of the files with weights. Raise NetworkProblem."""
-    names, files = list(dict.fromkeys(_locations(content))), dict[str, bytes]()
+    names = list(dict.fromkeys(_locations(content)))
+    files = dict[str, bytes]()
     if len(names) > _MAX_DATA_FILES:
         raise NetworkProblem(f"has weights in {len(names):,} files; at most {_MAX_DATA_FILES:,} are read")
     used = len(content)
@@ -345,7 +346,8 @@ def _fields(message: memoryview, number: int) -> list[memoryview]:
 
     Raise IndexError, KeyError if it is damaged.
     """
-    contents, place = list[memoryview](), 0
+    contents = list[memoryview]()
+    place = 0
     for _ in range(_MAX_FIELDS):
         if place >= len(message):
             return contents

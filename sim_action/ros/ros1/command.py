@@ -195,7 +195,8 @@ def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Out
     if run is None:
         return outcome
     copies = {"trace": (run.folder / TRACE_FILE, path), "replay": (run.folder / REPLAY_FILE, replay_path(path))}
-    names, notes = dict[str, str | None](), list(outcome.notes)
+    names = dict[str, str | None]()
+    notes = list(outcome.notes)
     for kind, (source, target) in copies.items():
         exists = source.is_file()
         if reason := copy_or_reason(source, target) if exists else "":

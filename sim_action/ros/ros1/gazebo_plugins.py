@@ -180,7 +180,8 @@ def plugin_remarks(plugin: Plugin) -> Iterator[str]:
             yield f"<{part.name}> of the plugin {plugin.name} has no effect, as in Gazebo{hint}"
     for holder, place in ((plugin.own.element, plugin.name), (plugin.sensor.element, f"{plugin.name}/sensor")):
         for tag in holder if holder is not None else ():
-            row, text = table.row(place, tag.tag), (tag.text or "").strip()
+            row = table.row(place, tag.tag)
+            text = (tag.text or "").strip()
             if tag.tag in _RATES and row is not None and row.effect == "read" and _is_above(text, MAX_RATE_HZ):
                 yield f"<{tag.tag}>{text}</{tag.tag}> of {place}: messages come {MAX_RATE_HZ:g} times per second"
 

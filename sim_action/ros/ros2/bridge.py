@@ -187,7 +187,8 @@ class _Bridge:
 
     def take(self, request: Json) -> tuple[Json, bytes]:
         """Return all messages since the last time, one topic after the other: no order of topics is fixed."""
-        messages, plain = [], _Plain()
+        messages = []
+        plain = _Plain()
         for number, subscription in enumerate(self._subscriptions):
             while (taken := _taken(subscription)) is not None:
                 message = taken[0]

@@ -207,13 +207,16 @@ class DrivenNodes:
         """Wait until the nodes are ready. Raise SourceProblem, ScriptError."""
         self._spec, self._rate, self._scene = spec, rate, scene
         self._is_realtime = spec.pace == "realtime"
-        self.transcript, self.notes = Transcript(), list[str]()
+        self.transcript = Transcript()
+        self.notes = list[str]()
         self._started_at: float | None = None
         self.space, self.seconds, self.topics = spec.space, -1 / rate, set[str]()
-        self.listeners, self._inbox = list[int](), list[tuple[int, Message]]()
+        self.listeners = list[int]()
+        self._inbox = list[tuple[int, Message]]()
         self._largest: dict[str, int] = {}
         self.errors = LoggedErrors(scene.workspace.root)
-        self.has_heard, self._finished = False, dict[int | str, str]()
+        self.has_heard = False
+        self._finished = dict[int | str, str]()
         self._misfits = list[str]()
         self._session, self._bridge, self._group = session, session.bridge, group
         self._forward = session.folder.forward
@@ -447,7 +450,8 @@ class DrivenNodes:
     def _bridge_error(self, error: BridgeEnded) -> ScriptError:
         process = self._bridge.process
         process.await_end(_MAX_LEAVE_S)
-        code, text = process.exit_code(), process.text()
+        code = process.exit_code()
+        text = process.text()
         how = f"failed: {error}" if code is None else f"ended with {exit_text(code)}"
         said = ending_of(text, self._scene.workspace.root).said
         return ScriptError(escaped_line(f"the bridge to ROS 2, a process of sim-action, {how}{said}"), details=text)

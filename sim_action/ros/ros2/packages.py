@@ -100,7 +100,8 @@ def read_package(name: str, folder: Path) -> PythonPackage:
 def _cmake_package(name: str, folder: Path) -> PythonPackage:
     """Return a package of ament_cmake. Its programs are known if nothing has to be built."""
     text = re.sub(r"#.*", "", _content(folder / "CMakeLists.txt").decode(errors="replace"))
-    scripts, unread = list[Path](), ""
+    scripts = list[Path]()
+    unread = ""
     for words, more in _INSTALLED.findall(text.replace("${PROJECT_NAME}", name)):
         for word in words.replace('"', " ").split():
             files = _files(folder / word) if (folder / word).is_dir() else iter([folder / word])
@@ -312,7 +313,8 @@ class Packages:
 
     def launch_files(self, name: str) -> dict[str, Path]:
         """Return the launch files of a package by their names."""
-        source, prefix = self.sources.get(name), self.prefix(name)
+        source = self.sources.get(name)
+        prefix = self.prefix(name)
         share = source.folder if source else prefix and prefix / "share" / name
         if share is None:
             return {}

@@ -181,7 +181,8 @@ def _start_node(
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
     """Return the error for a node that has ended; `directory`: the folder of the user's code."""
     text = process.text()
-    how, ending = "finished during the run, and it is required", Ending()
+    how = "finished during the run, and it is required"
+    ending = Ending()
     if code:
         how = f"ended with {exit_text(code)}"
         ending = ending_of(text, directory)

@@ -189,7 +189,8 @@ def controller_problems(scene: Scene, controllers: _Controllers) -> SpecProblems
     taken = topics_of(scene, {}).keys() - {TRAJECTORIES}
     for name in sorted(taken & controllers.keys()):
         yield (name,), f"'{name}' is already the name of another topic of the robot; choose another name"
-    hinted, first = FirstFew(), dict[str, str]()
+    hinted = FirstFew()
+    first = dict[str, str]()
     for name, controller in controllers.items():
         key = (name, controller.kind)
         problems = list(setting_problems(scene.model, dict.fromkeys(controller.names, 0.0), hinted))
@@ -216,7 +217,8 @@ def channels(
     `described`: True if another node publishes /robot_description. Then it is a robot_state_publisher, which publishes
     the frames of links, too.
     """
-    topics, frames = topics_of(scene, stated, controllers, space), RobotFrames.of(scene, space)
+    topics = topics_of(scene, stated, controllers, space)
+    frames = RobotFrames.of(scene, space)
     description = None if described else f"{space}{DESCRIPTION}"
     publishers = [*_states(scene, topics, frames, rate, description=description), *_sensors(scene, topics, frames)]
     return Channels(tuple(publishers), tuple(_subscriptions(scene, topics, controllers)))

@@ -142,7 +142,8 @@ class Watch:
     def __init__(self, launch: Launch, deadline: float, *, waits_for_progress: bool, has_tests: bool) -> None:
         self._launch, self._deadline, self._has_tests = launch, deadline, has_tests
         self._waits_for_progress = waits_for_progress
-        self._progress, self._progressed_at = 0, time.monotonic()
+        self._progress = 0
+        self._progressed_at = time.monotonic()
         self._ending: Ending = "over"
         self._interrupted_at: float | None = None
         self._stopped: dict[int, float] = {}

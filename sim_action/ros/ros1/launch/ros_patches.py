@@ -62,7 +62,8 @@ def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
     """Return the next message of a topic, as rospy does. Raises ROSException, ROSInterruptException."""
     import rospy
 
-    come, messages = threading.Event(), []
+    come = threading.Event()
+    messages = []
 
     def hear(message: Any) -> None:
         messages.append(message)
@@ -177,7 +178,8 @@ def _replace_results(runner: dict[str, Any]) -> None:
         self._tests[-1].reason_to_skip = vars(self).pop("reason_to_skip", None)
 
     def xml(self: Any) -> Any:
-        case, reason = write(self), vars(self).get("reason_to_skip")
+        case = write(self)
+        reason = vars(self).get("reason_to_skip")
         if reason is not None:
             runner["ET"].SubElement(case, "skipped").text = str(reason)
         return case

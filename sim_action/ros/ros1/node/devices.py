@@ -208,7 +208,8 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
     frame = plugin.own.text("frameName", default=link)
     rate = plugin.own.number("updateRate", "updateRateHZ", default=plugin.sensor.number("update_rate", default=0.0))
-    publisher, schedule = wiring.publisher(topic, ImuMessage), schedule_of(rate)
+    publisher = wiring.publisher(topic, ImuMessage)
+    schedule = schedule_of(rate)
     noise = plugin.own.number("gaussianNoise", default=0.0)
     sensor = MountedSensor(
         wiring.on_demand(Imu(gyro_noise=noise, accelerometer_noise=noise), publisher),

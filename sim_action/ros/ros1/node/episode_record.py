@@ -89,7 +89,8 @@ class EpisodeRecord:
         """Write trace and replay of the last episode."""
         if self._last is None:
             return
-        trace, film = self._last.footage.trace(), self._last.footage.film()
+        trace = self._last.footage.trace()
+        film = self._last.footage.film()
         if trace is not None:
             save_trace(trace, folder / TRACE_FILE)
         if film is None:

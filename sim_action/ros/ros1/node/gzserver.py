@@ -93,9 +93,11 @@ class _Server:
         self._services: GazeboServices | None = None
         self._record = EpisodeRecord()
         self._traffic = Traffic()
-        self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
+        self._changes = ChangeQueue()
+        self._current = CurrentState(WorldModels(World()))
         name = rospy.get_name()
-        paused, topics = Event(), GazeboTopics(self._traffic)
+        paused = Event()
+        topics = GazeboTopics(self._traffic)
         self._lockstep = Lockstep(
             Master(os.environ["ROS_MASTER_URI"], name),
             name,
@@ -134,7 +136,8 @@ class _Server:
         except ControllersFinished:
             end = "nodes finished"
         except MissingWorld as error:
-            failure, self._missing_world = _failure_of(error), str(error.path)
+            failure = _failure_of(error)
+            self._missing_world = str(error.path)
         except _Incomplete:
             failure = Failure(kind="invalid", title=TITLE, message="parts of the world or of the robot are missing")
         except (RunError, ModelError, SdfProblem, BadWorld, OSError, _NoRobot) as error:

@@ -195,7 +195,8 @@ class Judge:
         measured = {key: getattr(result, key) for key in _RESULT_FIELDS} if result else {}
         if result and result.missing_world and (failures := about.get("failures")):
             # Only the launch file says where the world is named.
-            path, place = Path(result.missing_world), self.tags.world(result.missing_world)
+            path = Path(result.missing_world)
+            place = self.tags.world(result.missing_world)
             message = failures[0].message.replace(str(path), shown_file(path))
             about["failures"] = (failures[0].model_copy(update={"location": place, "message": message}),)
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
@@ -377,7 +378,8 @@ class AbsentNodes:
         if not nodes:
             return cls()
         packages = Packages.around(workspace.resolve())
-        failures, losses = list[Failure](), list[Loss]()
+        failures = list[Failure]()
+        losses = list[Loss]()
         for node in nodes:
             tag = tags.node(node.package, node.program)
             place = tag.place if tag else Location(tags.file)

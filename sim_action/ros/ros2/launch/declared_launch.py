@@ -50,7 +50,9 @@ class _Launcher:
         self._running: list[tuple[str, subprocess.Popen[bytes], Part, dict[str, Any]]] = []
         self._unread: dict[str, bytes] = {}
         self._ended: list[tuple[Part, dict[str, Any], int]] = []
-        self._clocks, self._numbers, self._timers = itertools.count(), itertools.count(1), 0
+        self._clocks = itertools.count()
+        self._numbers = itertools.count(1)
+        self._timers = 0
         self._context = Context(self._start, read_file, Path(task["events"]).parent)
 
     def run(self) -> None:

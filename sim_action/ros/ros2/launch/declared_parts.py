@@ -566,7 +566,8 @@ def _end(text: str, start: int) -> int:
 
 def _words(text: str) -> list[str]:
     """Return the words of a substitution without outer quotes; quoted blanks and those in parentheses are in words."""
-    words, word, quote, depth, is_open = list[str](), "", "", 0, False
+    words = list[str]()
+    word, quote, depth, is_open = "", "", 0, False
     signs = iter(text)
     for sign in signs:
         depth += (sign == "(") - (sign == ")") if not quote else 0

@@ -163,7 +163,8 @@ def _test_file(request: LaunchRequest) -> tuple[Path, Packages]:
         packages = Packages.around(workspace_of(None, Workspace(root, root)), find_ros())
     except PathError as error:
         raise _invalid(request, str(error)) from None
-    source, prefix = packages.sources.get(request.package), packages.prefix(request.package)
+    source = packages.sources.get(request.package)
+    prefix = packages.prefix(request.package)
     if source is None and prefix is None:
         hint = did_you_mean(request.package, packages.names)
         raise _invalid(request, f"there is no package '{request.package}' in {root} or ROS 2{hint}")

@@ -225,7 +225,8 @@ class LaunchedNodes(NodeGroup):
     def new_nodes(self) -> list[Node]:
         self.refuse_ended()
         # In the order of the names of nodes and programs.
-        entries, self._new = sorted(self._new, key=lambda entry: entry[0]), []
+        entries = sorted(self._new, key=lambda entry: entry[0])
+        self._new = []
         return [node for _, node in entries]
 
     @override
