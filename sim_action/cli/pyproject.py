@@ -153,10 +153,9 @@ def _is_below(folder: Path, name: str) -> bool:
     except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
         return False
     named = PurePath(name)
-    is_inside = resolved.is_relative_to(folder.resolve())
     return (
         name.isprintable()
-        and is_inside
+        and resolved.is_relative_to(folder.resolve())
         and ".." not in named.parts
         and not is_of_git(named)
         and not is_of_git(resolved)

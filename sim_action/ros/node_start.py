@@ -1,9 +1,8 @@
 """Code that Python runs at the start of each process of a launch, to make nodes reproducible.
 
-The generators of `random` and of numpy, also new ones of `numpy.random.default_rng()`, start from the seed of the run
-and the name of the node. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where
-the node has `use_sim_time`. A loop around `rate.sleep()` goes on after `rclpy.spin` in another thread has handled all
-that was due.
+The generators of `random`, numpy and `numpy.random.default_rng()` start from the seed of the run and the name of the
+node. A timeout of an executor of rclpy, as in `spin_once(timeout_sec=0.1)`, is sim time where the node has
+`use_sim_time`. A loop around `rate.sleep()` goes on after `rclpy.spin` in another thread has handled all that was due.
 
 Python imports this file as `sitecustomize`. It imports nothing of this package; the patches of ROS 1 lie next to it.
 """

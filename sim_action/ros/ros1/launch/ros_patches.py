@@ -179,8 +179,7 @@ def _replace_results(runner: dict[str, Any]) -> None:
 
     def xml(self: Any) -> Any:
         case = write(self)
-        reason = vars(self).get("reason_to_skip")
-        if reason is not None:
+        if (reason := vars(self).get("reason_to_skip")) is not None:
             runner["ET"].SubElement(case, "skipped").text = str(reason)
         return case
 
