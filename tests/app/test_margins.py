@@ -258,7 +258,7 @@ def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resum
         return wanted(search)
 
     with monkeypatch.context() as changed:
-        changed.setattr(Search, "wanted", interrupted)
+        changed.setattr(Search, "next_values", interrupted)
         assert margins_of(tmp_path, PUSHED, *factors, code=130) == []
     folder = tmp_path / "results" / "margins"
     [run] = Results.read(folder / "results.json").outcomes

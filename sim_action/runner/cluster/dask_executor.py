@@ -17,7 +17,6 @@ from typing import Any, Final
 
 import dask.config
 from distributed import Client, Future, KilledWorker, LocalCluster
-from distributed.utils import LoopRunner
 from typing_extensions import override
 
 from sim_action.core.errors import UsageError
@@ -407,12 +406,8 @@ def opened_cluster(
 def _client(address: ClusterAddress, stack: ExitStack) -> Client:
     """Return a connection; `stack` closes it, and ends workers on this machine. Raise UsageError."""
     if address.workers is None:
-        # A client that cannot connect would leave the thread of its loop.
-        runner = LoopRunner()
-        runner.start()
-        stack.callback(runner.stop)
         try:
-            client = Client(address.text, timeout=_CONNECT_TIMEOUT_S, set_as_default=False, loop=runner.loop)
+            client = Client(address.text, timeout=_CONNECT_TIMEOUT_S, set_as_default=False)
         except TypeError:
             # Dask has no SSL context.
             raise UsageError(
