@@ -29,7 +29,7 @@ MAX_MODULE_LINES: Final = 600
 
 # Folders without a vague name, and folders without a violation of `wording_violations`; with the folders below them.
 NAMED: Final = ("action", "sim_action", "tools/docs/generators", "tools/release")
-CLEAN: Final = ("action", "tools/docs/generators", "tools/release")
+CLEAN: Final = ("action", "sim_action", "tools/docs/generators", "tools/release")
 
 _FOLDERS: Final = ("sim_action", "action", "tools")
 _OPENING: Final = re.compile(r"(?:What|Whether|Who|Whom|Whose|Whoever|Of|Where|How|Why|That|Those)\b")
@@ -38,6 +38,7 @@ _RIDDLES: Final = re.compile(
 )
 _PHRASES: Final = re.compile(rf"{_RIDDLES.pattern}|\b(?:that of|those of)\b", re.IGNORECASE)
 _VAGUE_NAMES: Final = frozenset({"each", "found", "given", "here", "known", "there", "told", "wanted"})
+_PAIRS: Final = ({"cos", "sin"}, {"min", "max"}, {"minimum", "maximum"})  # functions whose values belong together
 _SEE: Final = re.compile(r"See [\w.]+\.")
 
 
@@ -80,9 +81,14 @@ def _phrase(name: str, line: int, text: str) -> Iterator[str]:
 
 
 def _are_unrelated(values: list[ast.expr]) -> bool:
-    """Return True for values that the assignment makes, unless all come from the same function or are constants."""
-    makers = {ast.unparse(value.func) if isinstance(value, ast.Call) else type(value).__name__ for value in values}
-    return len(makers) > 1 and all(isinstance(value, ast.Call | ast.Constant | ast.List | ast.Dict) for value in values)
+    """Return True for values that the assignment makes, not for constants, nor if one function or a pair makes all."""
+    calls = (ast.unparse(value.func) if isinstance(value, ast.Call) else type(value).__name__ for value in values)
+    makers = {call.rpartition(".")[2] for call in calls}
+    return (
+        len(makers) > 1
+        and makers not in _PAIRS
+        and all(isinstance(value, ast.Call | ast.Constant | ast.List | ast.Dict) for value in values)
+    )
 
 
 def help_violations(command: click.Command, name: str) -> Iterator[str]:

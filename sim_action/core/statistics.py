@@ -383,7 +383,8 @@ def quantile_bounds(values: Iterable[float], q: float, confidence: float, missin
     """
     ordered = sorted(values)
     n = len(ordered) + missing
-    low, high = lower_rank(n, q, confidence), upper_rank(n, q, confidence)
+    low = lower_rank(n, q, confidence)
+    high = upper_rank(n, q, confidence)
     return QuantileBounds(
         lower=None if low is None or low <= missing else ordered[low - missing - 1],
         upper=None if high is None or high > len(ordered) else ordered[high - 1],

@@ -245,7 +245,8 @@ class _Robot:
         if isinstance(command, Twist):
             return Twist(_flipped(command.linear_xyz), _turned(command.angular_xyz))
         if isinstance(command, LinkWrench):
-            force, torque = _flipped(command.force_xyz), _turned(command.torque_xyz)
+            force = _flipped(command.force_xyz)
+            torque = _turned(command.torque_xyz)
             return replace(command, force_xyz=force, torque_xyz=torque, point_xyz=_flipped(command.point_xyz))
         return self.crossed(command)
 

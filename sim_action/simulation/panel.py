@@ -92,7 +92,8 @@ class Panel:
         if later.end != "expectation failed" and not self._is_over_before_last(trace):
             return later, trace
         # A run that has ended stays ended, so bisection finds the first such moment.
-        before, ended = 0, len(trace)
+        before = 0
+        ended = len(trace)
         while ended - before > 1:
             middle = (before + ended) // 2
             before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)

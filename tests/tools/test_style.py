@@ -84,6 +84,7 @@ def test_a_check_of_no_files_is_a_violation() -> None:
         ),
         ("a, b = b, a", "a, b = f(), 1", "assign unrelated values one by one, not as a tuple"),
         ("a, b = f(1), f(2)", "a, b = f(1), g(2)", "assign unrelated values one by one, not as a tuple"),
+        ("a, b = min(c), max(c)", "a, b = min(c), len(c)", "assign unrelated values one by one, not as a tuple"),
     ],
 )
 def test_names_docstrings_comments_and_tuples(good: str, bad: str, advice: str) -> None:

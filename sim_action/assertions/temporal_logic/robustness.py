@@ -443,7 +443,8 @@ def until(before: FloatArray, then: FloatArray) -> FloatArray:
     Each step clips the value of the next one to [then, max(before, then)]. Two such clips are one clip again, so the
     clips of 1, 2, 4, ... steps are made by doubling.
     """
-    lower, upper = then.copy(), np.maximum(before, then)
+    lower = then.copy()
+    upper = np.maximum(before, then)
     width = 1
     while width < len(lower):
         near_low, near_high = lower[:-width], upper[:-width]

@@ -77,7 +77,8 @@ def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) 
     )
 
     def publish(seconds: float, seen: Observation) -> None:
-        pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
+        pose = wiring.frame.pose(seen.pose)
+        twist = wiring.frame.twist(seen.pose, seen.twist)
         odometry.send(seconds, pose, in_frame_of(pose, twist))
 
     schedule = schedule_of(own.number("updateRate", "odometryRate", default=rate))
