@@ -33,6 +33,8 @@ from queue import SimpleQueue
 from threading import Event
 from typing import Final
 
+import pytest
+
 from tests.mutations import Mutant, mutants
 
 ROOT: Final = Path(__file__).parents[1]
@@ -45,31 +47,31 @@ _LOOK_EVERY_S: Final = 0.1
 _stopped: Final = Event()
 _WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
 # Files of tests/integration that look at a folder; those of ROS take minutes.
-_INTEGRATION: Final = {
+INTEGRATION: Final = {
     "app": "cli suites inspect templates shards watch",
-    "assertions": "temporal_logic signals driven_worlds suites check_nothing still_green verdicts_of_runs",
+    "assertions": "temporal_logic signals driven_worlds suites selecting_nothing still_green verdicts_of_runs",
     "cli": "cli suites shards inspect",
-    "commands": "probe saturation joint_trajectories driven_paths faults robots",
+    "commands": "probe motor_work joint_trajectories moving_worlds stated_faults robots",
     "core": "cli bad_models execution probe",
-    "drives": "drives driven_backends driven_paths odometry wheel_limits robots",
-    "engines": "backends joint_physics contact_physics physics pybullet clearances rays worlds moving_worlds "
-    "mesh_physics engine_tables motor_work driven_backends driven_worlds first_clashes imu lidar camera contact_sensor "
-    "native_robots bolted_contacts contact_limits joint_damping engine_differences",
-    "meshes": "meshes mesh_physics mesh_cache",
-    "networks": "policies policy_server",
-    "recording": "recordings replays replay replayed_links filming report_in_browser",
+    "drives": "drives moving_worlds odometry wheel_limits robots",
+    "engines": "backends joint_physics physics pybullet clearances rays worlds moving_worlds meshes "
+    "engine_tables motor_work driven_worlds sensors_of_robots camera native_robots bolted_contacts "
+    "contact_limits joint_damping engine_differences",
+    "meshes": "meshes mesh_cache",
+    "networks": "policies",
+    "recording": "recordings replay replayed_links filming report_in_browser",
     "reports": "cli suites report_in_browser replay",
-    "results": "cli suites shards repeats not_exercised kept_verdicts resume journal",
-    "robot": "robots bad_models sdf native_robots meshes inspect allowed templates",
-    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1",
+    "results": "cli suites shards repeats verdicts_of_runs kept_verdicts resume",
+    "robot": "robots bad_models sdf native_robots meshes inspect templates",
+    "ros": "ros1_processes ros1_launches ros1_scenarios ros1",
     "runner": "execution processes repeats golden_runs killers resource_guards shards inspection_process "
-    "kept_verdicts resume journal interruptions injected_faults",
-    "scenario": "cli suites worlds moving_worlds watch check_nothing selecting_nothing",
-    "sensors": "imu lidar camera contact_sensor odometry rays",
-    "simulation": "execution physics faults driven_worlds odometry templates golden_runs tunnelling pinned_robots "
-    "accuracy_notes jumps verdicts_of_runs preloading",
+    "kept_verdicts resume interruptions injected_faults",
+    "scenario": "cli suites worlds moving_worlds watch selecting_nothing",
+    "sensors": "sensors_of_robots camera odometry rays",
+    "simulation": "execution physics stated_faults driven_worlds odometry templates golden_runs tunnelling "
+    "pinned_robots accuracy_notes jumps verdicts_of_runs preloading",
     "state": "repeats golden_runs signals recordings",
-    "world": "worlds moving_worlds first_clashes patches meshes",
+    "world": "worlds moving_worlds meshes",
 }
 
 
@@ -117,6 +119,8 @@ class Copy:
             return f"no test ended for {_SILENCE_S:.0f} s"
         if code in (0, 5):
             return None
+        if code == pytest.ExitCode.USAGE_ERROR:
+            raise FileNotFoundError(printed)
         found = _FAILED.search(printed)
         return found[1] if found else f"exit {code}: {printed[-200:].strip()}"
 
@@ -192,7 +196,7 @@ def stages(file: str) -> Iterator[tuple[str, ...]]:
         yield tuple(sorted(near, key=lambda test: (not test.startswith(f"tests/{folder}"), test)))
     if (ROOT / "tests" / top).is_dir():
         yield (f"tests/{top}", *(argument for test in sorted(near) for argument in ("--ignore", test)))
-    if integration := [f"tests/integration/test_{name}.py" for name in _INTEGRATION.get(top, "cli").split()]:
+    if integration := [f"tests/integration/test_{name}.py" for name in INTEGRATION.get(top, "cli").split()]:
         yield tuple(integration)
     yield (*_WHOLE, "--ignore", f"tests/{top}")
 

@@ -6,7 +6,7 @@ import ast
 
 import pytest
 
-from tests.mutants import ROOT, equivalent
+from tests.mutants import INTEGRATION, ROOT, equivalent
 from tests.mutations import mutants
 
 
@@ -90,3 +90,8 @@ def test_equivalent_mutants_are_known_by_text_and_are_not_drawn() -> None:
         assert (entry["line"], entry["becomes"]) in there, f"no longer a mutant: {entry}"
         assert entry["reason"]
     assert len({(entry["file"], entry["line"], entry["becomes"]) for entry in table}) == len(table)
+
+
+def test_the_files_of_integration_that_look_at_a_folder_exist() -> None:
+    named = {name for names in INTEGRATION.values() for name in names.split()}
+    assert {name for name in named if not (ROOT / f"tests/integration/test_{name}.py").exists()} == set()
