@@ -17,6 +17,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3, quaternion_from_rpy, 
 from sim_action.drives import wheels
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.wheels import (
+    Lowest,
     NotRound,
     Tyre,
     Wheel,
@@ -24,6 +25,7 @@ from sim_action.drives.wheels import (
     centre_of_mass,
     heading_of,
     held_joints,
+    lowest_shape,
     opposed_note,
     rolling,
     turned_forward,
@@ -318,6 +320,16 @@ def test_a_mesh_wheel_is_measured_about_any_axis(
     assert isinstance(found, Tyre)
     assert found.radius == pytest.approx(corners * radius * math.sin(math.pi / corners) / math.pi, rel=1e-3)
     assert found.middle_xyz == pytest.approx((0.3, -0.2, 0.1), abs=1e-3 * radius)
+
+
+@pytest.mark.parametrize("is_mjcf", [False, True])
+def test_the_lowest_point_of_a_tilted_mesh_counts_not_its_box(is_mjcf: bool) -> None:
+    # The box of an octahedron reaches 1.41 m down when it is tilted; the octahedron itself 0.71 m.
+    points = [(sign * x, sign * y, sign * z) for x, y, z in np.eye(3).tolist() for sign in (-1.0, 1.0)]
+    stated = Shape("mesh", Pose(), None, (-1.0,) * 3, (1.0,) * 3, corners=np.array(points, np.float32).tobytes())
+    tilted = replace(stated if is_mjcf else mesh(points), pose=Pose((0, 0, 0), quaternion_from_rpy(math.pi / 4, 0, 0)))
+    model = RobotModel("it", "", (Link("base", 1.0, (tilted, sphere(1.0))),), (), "")
+    assert lowest_shape(model) == Lowest(-1.0, "base", "sphere")
 
 
 def test_a_mesh_of_mjcf_has_its_corners() -> None:

@@ -152,7 +152,7 @@ def test_a_compiler_that_changes_masses_gives_one_model_to_the_reader_and_the_en
         plain = mujoco.MjModel.from_xml_string(ROBOT.format(compiler))
     assert [link.mass for link in robot.model.links] == pytest.approx(plain.body_mass[1:])
     with running("mujoco", robot) as engine:
-        model = engine._compiled.model  # type: ignore[attr-defined]
+        model = engine._compiled.model  # type: ignore[attr-defined]  # of MuJoCo alone
         assert model.body_mass[1:] == pytest.approx(plain.body_mass[1:])
         assert np.allclose(model.body_inertia[1:], plain.body_inertia[1:])
         assert np.allclose(model.body_ipos[1:], plain.body_ipos[1:])
