@@ -258,21 +258,7 @@ class GraspMonitor(Monitor):
         return sample.rows(sample.time > sample.time[-1] - FORCE_WINDOW_S - TIME_EPSILON_S)
 
     def _joined(self, trace: Trace) -> _Sample:
-        at = trace.objects[self.spec.object].position_xyz
-        forces, places = [], []
-        for link in self.links:
-            record, motion = trace.link_contacts[link], link_motion(self.model, trace, link)
-            moment = record.moment(trace.time)
-            meant = np.array([body == self.spec.object for body in record.bodies], dtype=np.bool_)[record.body]
-            meant &= moment >= 0
-            force = np.zeros((len(trace), 3))
-            # The normal points to the link, and the link presses the other way.
-            np.add.at(force, moment[meant], -record.normal_xyz[meant] * record.force[meant, None])
-            forces.append(force)
-            back = geometry.conjugate(tuple(motion.orientation_xyzw.T))
-            away = at - motion.position_xyz
-            places.append(np.column_stack(geometry.rotate(back, tuple(away.T))))
-        sample = _Sample(trace.time, np.stack(forces, axis=1), np.stack(places, axis=1))
+        sample = self._sample(trace)
         return sample if self.before is None else self.before.followed_by(sample)
 
     def _grip(self, trace: Trace) -> _Grip:
@@ -298,3 +284,20 @@ class GraspMonitor(Monitor):
         strength = np.sqrt((force * force).sum(axis=2))
         vector = force.sum(axis=1)
         return _Grip(strength > 0, strength.sum(axis=1), np.sqrt((vector * vector).sum(axis=1)), slip)
+
+    def _sample(self, trace: Trace) -> _Sample:
+        at = trace.objects[self.spec.object].position_xyz
+        forces, places = [], []
+        for link in self.links:
+            record, motion = trace.link_contacts[link], link_motion(self.model, trace, link)
+            moment = record.moment(trace.time)
+            meant = np.array([body == self.spec.object for body in record.bodies], dtype=np.bool_)[record.body]
+            meant &= moment >= 0
+            force = np.zeros((len(trace), 3))
+            # The normal points to the link, and the link presses the other way.
+            np.add.at(force, moment[meant], -record.normal_xyz[meant] * record.force[meant, None])
+            forces.append(force)
+            back = geometry.conjugate(tuple(motion.orientation_xyzw.T))
+            away = at - motion.position_xyz
+            places.append(np.column_stack(geometry.rotate(back, tuple(away.T))))
+        return _Sample(trace.time, np.stack(forces, axis=1), np.stack(places, axis=1))

@@ -53,7 +53,7 @@ class Stated:
     names: tuple[str, ...] = ()  # the names of its observations
     # for each observation, the keys of a term that it states; its name is missing if there is no such term
     terms: tuple[Mapping[str, Any], ...] = ()
-    without_gains: str = ""  # a joint whose stiffness and damping are not of the policy; empty if there is none
+    without_gains: str = ""  # a joint whose stiffness and damping differ from the policy; empty if there is none
 
     @property
     def unknown(self) -> list[str]:
