@@ -136,9 +136,9 @@ def limit_of(limit: Element | None, tag: str, otherwise: float) -> float:
     return max(-UNLIMITED, min(UNLIMITED, value))
 
 
-def vector_of(element: Element) -> Vector3:
-    """Return three finite numbers. Raises SdfProblem."""
-    x, y, z = numbers_of(element, 3)
+def vector_of(element: Element | None, otherwise: Vector3 = geometry.ZERO) -> Vector3:
+    """Return three finite numbers, or `otherwise` without an element. Raises SdfProblem."""
+    x, y, z = otherwise if element is None else numbers_of(element, 3)
     return (x, y, z)
 
 

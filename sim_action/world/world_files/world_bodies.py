@@ -34,9 +34,10 @@ from sim_action.robot.documents.sdf_elements import (
     vector_of,
 )
 from sim_action.robot.model.robot_model import WORLD
-from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
+from sim_action.robot.reading.sdf.auto_inertia import MOMENTS, auto_inertia, stated_moments
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Entry, Scope
-from sim_action.robot.reading.sdf.worlds import SdfWorld
+from sim_action.robot.reading.sdf.frames import Frames
+from sim_action.robot.reading.sdf.worlds import SdfWorld, joint_end
 from sim_action.world import Body, Inertia, MeshFile, Shape
 from sim_action.world.parts import (
     MassProperties,
@@ -141,9 +142,7 @@ class ShapeReader:
 
     def _read_plane(self, plane: Element, at: Pose, collision: Element, owner: str) -> None:
         """Read a plane, which is the ground; another plane is a loss."""
-        normal = plane.find("normal")
-        x, y, z = (0.0, 0.0, 1.0) if normal is None else vector_of(normal)
-        up = geometry.rotate(at.orientation_xyzw, (x, y, z))
+        up = geometry.rotate(at.orientation_xyzw, vector_of(plane.find("normal"), (0.0, 0.0, 1.0)))
         is_level = up[2] > 0 and math.hypot(up[0], up[1]) < _LENGTH_TOLERANCE_M
         if not is_level or abs(at.position_xyz[2]) > _LENGTH_TOLERANCE_M:
             message = f"a plane of '{owner}' is not the ground z = 0; it is left out"
@@ -158,8 +157,7 @@ class ShapeReader:
         for tag, message in lost_parts(mesh):
             self.losses.add(tag, message, owner)
         uri = text_of(mesh, "uri")
-        stated = mesh.find("scale")
-        scale = (1.0, 1.0, 1.0) if stated is None else vector_of(stated)
+        scale = vector_of(mesh.find("scale"), (1.0, 1.0, 1.0))
         if min(scale) <= 0:
             stated_scale = f"the mesh '{uri}' of '{owner}' has the scale {' '.join(f'{number:g}' for number in scale)}"
             message = f"{stated_scale}; only positive numbers are supported; it is left out"
@@ -283,7 +281,6 @@ LINK_SEPARATOR: Final = "/"
 """Between the names of a model and of its link; `::` would be a command in the output of a workflow."""
 
 _NOTHING: Final = 1e-9  # m, and a part of a quaternion: less is rounding
-_MOMENTS: Final = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +319,7 @@ class BodyReader:
         """Yield the bodies of a model; the ground is none. Raises SdfProblem."""
         assert model.scope is not None
         self._note_lost_parts(model, model.scope)
-        groups = [(group, self._shapes_of(model, group)) for group in _groups(model.scope)]
+        groups = [(group, self._shapes_of(model, group)) for group in _groups(self._world.frames, model.scope)]
         shaped = [(group, shapes) for group, shapes in groups if shapes]
         for group, shapes in shaped:
             first = group.links[0]
@@ -426,7 +423,7 @@ class BodyReader:
         whole = joined(lumps)
         keys: dict[str, Any] = {"mass": total, "center_of_mass": whole.centre_xyz}
         try:
-            moments = {moment: float(whole.inertia[place]) for moment, place in _MOMENTS.items()}
+            moments = {moment: float(whole.inertia[place]) for moment, place in MOMENTS.items()}
             return {**keys, "inertia": Inertia.model_validate(moments)}
         except ValidationError as error:
             message = f"the inertia of '{name}' is that of uniform density: {said(error)}"
@@ -455,8 +452,7 @@ class BodyReader:
         if stated is None:
             return _Weight(mass, own.position_xyz if inertial.find("pose") is not None else None, None)
 
-        moments = {name: number_of(stated, name, 1.0 if name[1] == name[2] else 0.0) for name in _MOMENTS}
-        return _Weight(mass, own.position_xyz, stated_tensor(moments, own.orientation_xyzw))
+        return _Weight(mass, own.position_xyz, stated_tensor(stated_moments(stated), own.orientation_xyzw))
 
     def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> _Weight:
         """Return the weight of <inertial auto>. Raises SdfProblem."""
@@ -469,7 +465,7 @@ class BodyReader:
         return _Weight(inertia.mass, inertia.centre_xyz, stated_tensor(inertia.moments, geometry.IDENTITY))
 
 
-def _groups(scope: Scope) -> list[_Group]:
+def _groups(frames: Frames, scope: Scope) -> list[_Group]:
     """Return the links of a model that move as one: groups of joined links, and all static links."""
     links = tuple(scope.all_of("link"))
     if scope.static:
@@ -479,7 +475,7 @@ def _groups(scope: Scope) -> list[_Group]:
     bolted: set[int] = set()
     for joint in scope.all_of("joint"):
         names = text_of(joint.element, "parent"), text_of(joint.element, "child")
-        ends = [_link_named(joint.owner, name) for name in names]
+        ends = [joint_end(frames, joint, tag) for tag in ("parent", "child")]
         joined = [end for end in ends if end in groups]
         if WORLD in names or any(end is not None and end not in groups for end in ends):
             bolted.update(id(end) for end in joined)
@@ -489,19 +485,6 @@ def _groups(scope: Scope) -> list[_Group]:
     moving = list({id(group): group for group in groups.values()}.values())
     moving_groups = [_Group(tuple(group), fixed=any(id(link) in bolted for link in group)) for group in moving]
     return [*moving_groups, *([_Group(tuple(held), fixed=True)] if held else [])]
-
-
-def _link_named(scope: Scope, name: str) -> Entry | None:
-    """Return the link that a joint names, directly or by a frame or a model."""
-    entry = scope.find(name)
-    for _ in range(len(scope.members)):
-        if entry is None or entry.kind == "link":
-            return entry
-        if entry.scope is not None:
-            return next(entry.scope.all_of("link"), None)
-        attached = entry.element.get("attached_to", "") if entry.kind == "frame" else text_of(entry.element, "child")
-        entry = entry.owner.find(attached) if attached else next(entry.owner.all_of("link"), None)
-    return None
 
 
 def _is_of(shape: PlacedShape, link: Entry) -> bool:

@@ -233,6 +233,15 @@ def test_links_that_are_joined_are_one_body(kind: str, lost: int, tmp_path: Path
     assert losses == ["<joint> is not simulated: the links that it joins move as one body ('m')"] * lost
 
 
+@pytest.mark.parametrize("end", ["s", "f"])
+def test_a_joint_to_a_model_or_a_frame_leads_to_its_link(end: str, tmp_path: Path) -> None:
+    """SDFormat: the canonical link of a model is that of `canonical_link`, by default its first one."""
+    parts = f"<model name='s' canonical_link='b'>{TWO}</model><frame name='f' attached_to='s'/>"
+    joint = JOINT.format(kind="fixed", parent="base", child=end)
+    bodies, _ = read(f"<model name='m'>{LINK.format(name='base', x=5, mass=7)}{parts}{joint}</model>", tmp_path)
+    assert [(body.name, body.mass) for body in bodies] == [("m/base", 7 + 3), ("m/s/a", 1)]
+
+
 def test_a_model_that_is_joined_to_the_world_is_fixed(tmp_path: Path) -> None:
     joint = JOINT.format(kind="fixed", parent="world", child="a") + JOINT.format(kind="revolute", parent="a", child="b")
     bodies, _ = read(f"<model name='door'>{TWO}{joint.replace(repr('j'), repr('k'), 1)}</model>", tmp_path)

@@ -1,4 +1,4 @@
-"""Compute the inertia of a link with <inertial auto="true"> from its collisions, as libsdformat does.
+"""The inertia of a link: with <inertial auto="true">, it is computed from the collisions, as in libsdformat.
 
 The density is <density> of the collision, else of the <inertial>, else 1000 kg/m^3. If <mass> is stated, the
 result is scaled to it. Moments of the shapes about their centres, along their axes: the usual formulas of solid bodies.
@@ -17,7 +17,8 @@ from sim_action.core.records import dataclass
 from sim_action.robot.documents.sdf_elements import SdfProblem, needed, number_of, numbers_of, vector_of
 
 _DENSITY: Final = 1000.0
-_PRODUCTS: Final = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+MOMENTS: Final = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+"""Name of a moment -> its row and column in the tensor."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,11 @@ class Inertia:
     mass: float
     centre_xyz: Vector3
     moments: Mapping[str, float]
+
+
+def stated_moments(inertia: Element) -> dict[str, float]:
+    """Return the moments in <inertia> in kg m^2, or their defaults. Raises SdfProblem."""
+    return {name: number_of(inertia, name, float(row == column)) for name, (row, column) in MOMENTS.items()}
 
 
 def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) -> Inertia:
@@ -43,11 +49,11 @@ def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) 
     ]
     x, y, z = map(sum, zip(*weighted, strict=True))
     scale = number_of(inertial, "mass", total) / total
-    moments = dict.fromkeys(_PRODUCTS, 0.0)
+    moments = dict.fromkeys(MOMENTS, 0.0)
     for mass, (_, solid, pose) in zip(masses, solids, strict=True):
         at = tuple(part - centre for part, centre in zip(pose.position_xyz, (x, y, z), strict=True))
         turned = [geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES]
-        for name, (row, column) in _PRODUCTS.items():
+        for name, (row, column) in MOMENTS.items():
             own = sum(moment * axis[row] * axis[column] for moment, axis in zip(solid.moments, turned, strict=True))
             away = (sum(part**2 for part in at) if row == column else 0.0) - at[row] * at[column]
             moments[name] += scale * mass * (own + away)

@@ -127,7 +127,7 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
         writer.add(joint, "parent", source, link=WORLD)
         writer.add(joint, "child", source, link=link.full_name)
     for plugin in scope.plugins():
-        writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
+        writer.share(writer.add(writer.root, "gazebo", plugin), plugin)
     if not places_base:
         _note_rotated_base(notes, kinematics)
     # Note the parts of models and of <include> that are not read. Parts of links and joints are noted elsewhere.

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.wording import FirstFew, did_you_mean, shown
-from sim_action.robot.documents.sdf_elements import MODEL_FRAME, SdfProblem, pose_of, text_of
+from sim_action.robot.documents.sdf_elements import MODEL_FRAME, SdfProblem, needed, pose_of, text_of
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.robot.reading.sdf.composition import Entry, Scope
 
@@ -76,6 +76,17 @@ class Frames:
     def model_in_root(self, scope: Scope) -> Pose:
         """Return the pose of a model's frame in the outermost model's frame. Raises SdfProblem."""
         return self.in_root(self._models[scope]) if scope in self._models else Pose()
+
+    def end_of(self, joint: Entry, tag: str) -> Entry | None:
+        """Return the link that <parent> or <child> of a joint leads to; None is the world. Raises SdfProblem."""
+        stated = needed(joint.element, tag)
+        name = (stated.text or "").strip()
+        if not name:
+            message = f"joint '{joint.full_name}' has an empty <parent> or <child>"
+            raise SdfProblem("missing-part", joint.element, message)
+        if name == WORLD and joint.owner.find(WORLD) is None:
+            return None
+        return self.link_of(self.named(joint.owner, name, stated), joint.owner)
 
     def link_of(self, entry: Entry | None, scope: Scope) -> Entry:
         """Return the link that a frame is attached to; None: the frame of the model `scope`. Raises SdfProblem."""

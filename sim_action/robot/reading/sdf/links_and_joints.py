@@ -35,12 +35,9 @@ from sim_action.robot.documents.sdf_elements import (
 from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.robot_model import WORLD
-from sim_action.robot.reading.sdf.auto_inertia import auto_inertia
+from sim_action.robot.reading.sdf.auto_inertia import auto_inertia, stated_moments
 from sim_action.robot.reading.sdf.composition import FRAMES_NAMED, PARENT_MODEL_FLAG, Entry
 from sim_action.robot.reading.sdf.frames import Frames
-
-_MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
-"""The moments of inertia and their defaults in SDF, in kg m^2."""
 
 _FRICTION: Final = "surface/friction/ode"
 _CONTACT: Final = "collision/surface/contact/ode"
@@ -96,8 +93,8 @@ class LinkWriter:
         kilograms = 1.0 if mass is None else numbers_of(mass, 1)[0]
         writer.add(inertial, "mass", source if mass is None else mass, value=numbers(kilograms))
         holder = source if inertia is None else inertia
-        moments = {name: numbers(number_of(holder, name, default)) for name, default in _MOMENTS.items()}
-        writer.add(inertial, "inertia", holder, **moments)
+        moments = stated_moments(holder)
+        writer.add(inertial, "inertia", holder, **{name: numbers(value) for name, value in moments.items()})
 
     def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> None:
         """Write the inertia of the link's collisions. If that is allowed to fail, the link has no <inertial>."""
@@ -199,8 +196,7 @@ def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path)
         uri = text_of(shape, "uri")
         if not uri:
             raise SdfProblem("missing-part", shape, "<mesh> has no <uri>")
-        scale = shape.find("scale")
-        writer.add_mesh(parent, shape, uri, (1.0, 1.0, 1.0) if scale is None else vector_of(scale), file)
+        writer.add_mesh(parent, shape, uri, vector_of(shape.find("scale"), (1.0, 1.0, 1.0)), file)
     elif shape.tag in _SIZES:
         sizes = {name: numbers(*numbers_of(needed(shape, name), count)) for name, count in _SIZES[shape.tag].items()}
         writer.add(parent, shape.tag, shape, **sizes)
@@ -266,15 +262,10 @@ class UrdfWriter:
         mesh = self.add(parent, "mesh", source, filename=uri, scale=numbers(*scale))
         self._files[mesh] = file
 
-    def copy(self, parent: Element, source: Element) -> None:
-        """Copy an element of the SDF with all its children."""
-        waiting = [(parent, source)]
-        while waiting:
-            outer, original = waiting.pop()
-            element = self.add(outer, original.tag, original)
-            element.attrib.update(original.attrib)
-            element.text = original.text
-            waiting += [(element, child) for child in reversed(original)]
+    def share(self, parent: Element, source: Element) -> None:
+        """Add an element of the SDF itself, with all its children."""
+        parent.append(source)
+        self._places.update((part, self._sources[part]) for part in source.iter())
 
     def document(self) -> ModelDocument:
         """Return the document."""
@@ -327,16 +318,10 @@ class ResolvedJoint:
 
 def resolve_joint(notes: Notes, frames: Frames, entry: Entry) -> ResolvedJoint:
     """Resolve the links, the frame and the axis of a joint. Raises SdfProblem."""
-    element, scope = entry.element, entry.owner
-    ends = {tag: (needed(element, tag).text or "").strip() for tag in ("parent", "child")}
-    if "" in ends.values():
-        raise SdfProblem("missing-part", element, f"joint '{entry.full_name}' has an empty <parent> or <child>")
-    if ends["child"] == WORLD and scope.find(WORLD) is None:
+    child, parent = (frames.end_of(entry, tag) for tag in ("child", "parent"))
+    if child is None:
         message = f"joint '{entry.full_name}' has the world as its child: the world must be the parent"
-        raise SdfProblem("unknown-link", element, message)
-    child = frames.link_of(frames.named(scope, ends["child"], needed(element, "child")), scope)
-    to_world = ends["parent"] == WORLD and scope.find(WORLD) is None
-    parent = None if to_world else frames.link_of(frames.named(scope, ends["parent"], needed(element, "parent")), scope)
+        raise SdfProblem("unknown-link", entry.element, message)
     kind = _type(notes, entry)
     pose = frames.in_root(entry)
     has_axis = kind not in ("fixed", "ball")
@@ -381,7 +366,7 @@ def _axis(notes: Notes, frames: Frames, entry: Entry, turned: Quaternion, tag: s
     """Return an axis in the frame of the outermost model; `turned`: the joint's frame in it. Raises SdfProblem."""
     axis = needed(entry.element, tag)
     xyz = axis.find("xyz")
-    vector = (0.0, 0.0, 1.0) if xyz is None else vector_of(xyz)
+    vector = vector_of(xyz, (0.0, 0.0, 1.0))
     scope, name = entry.owner, "" if xyz is None else xyz.get("expressed_in", "")
     _check_flag(notes, entry, axis)
     orientation = turned

@@ -128,18 +128,17 @@ def base_pose(world: SdfWorld, name: str) -> Pose | None:
     entry = world.models[name]
     scope = entry.scope
     assert scope is not None
-    carried = {_child_of(world.frames, joint) for joint in scope.all_of("joint")}
+    carried = {joint_end(world.frames, joint, "child") for joint in scope.all_of("joint")}
     roots = [link for link in scope.all_of("link") if link not in carried]
     if not roots or any(root.owner.static for root in roots):
         return None
     return world.link_pose(entry, roots[0])
 
 
-def _child_of(frames: Frames, joint: Entry) -> Entry | None:
-    """Return the child link of a joint. None if it cannot be found: the reader of the robot reports it."""
-    owner = joint.owner
+def joint_end(frames: Frames, joint: Entry, tag: str) -> Entry | None:
+    """Return the link that <parent> or <child> of a joint leads to; None if that is the world, or no link."""
     try:
-        return frames.link_of(frames.named(owner, text_of(joint.element, "child"), joint.element), owner)
+        return frames.end_of(joint, tag)
     except SdfProblem:
         return None
 
