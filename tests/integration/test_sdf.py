@@ -19,11 +19,11 @@ from sim_action.robot.model.findings import ALLOWABLE
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
-from sim_action.state.command import JointTargets
+from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.state.trace import Trace
-from sim_action.world import GRAVITY
+from sim_action.world import GRAVITY, World
 from tests.integration.conftest import sim_action
-from tests.integration.engines import scene_of_file, travelled
+from tests.integration.engines import on_every_engine, scene_of_file, travelled
 from tests.robot.reading.sdf.models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
 from tools.bench.robots import DATA
@@ -162,6 +162,21 @@ def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
     )
     trace = moved(tmp_path, text, 240, 240, JointTargets(velocity={"slide": 2.0}), pose=Placement(z=1))
     assert trace.joint_position[-1, 0] == pytest.approx(2.0, rel=0.02)
+
+
+@on_every_engine
+def test_links_without_inertial_are_simulated_with_the_mass_that_is_reported(engine: str, tmp_path: Path) -> None:
+    """A base of 1 kg and a welded sensor 0.5 m to each side, all with moments of 1: F / m, and M / (3 + 2 m r^2)."""
+    bare = [f'<link name="{name}"><pose>0 {y} 0 0 0 0</pose></link>' for name, y in (("left", 0.5), ("right", -0.5))]
+    joints = joint("l", "base", "left"), joint("r", "base", "right")
+    world = World.model_validate({"gravity": (0.0, 0.0, 0.0)})
+    text = sdf(link("base"), *bare, *joints)
+    scene = scene_of_file(tmp_path, "robot.sdf", text, world, rate=1000, pose=Placement(z=5.0))
+    pull = JointTargets(wrenches=(LinkWrench("base", (6.0, 0.0, 0.0), (0.0, 0.0, 0.7)),))
+    trace = travelled(engine, scene, 1, pull)
+    assert scene.model.mass == 3.0
+    assert trace.base_linear_xyz[-1] == pytest.approx((6 / scene.model.mass / 1000, 0, 0), rel=1e-6)
+    assert trace.base_angular_xyz[-1] == pytest.approx((0, 0, 0.7 / 3.5 / 1000), rel=1e-6)
 
 
 def sdf_files() -> list[str]:

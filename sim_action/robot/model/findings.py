@@ -120,7 +120,7 @@ _SUMMARIES: Final[Mapping[Level, Mapping[str, str]]] = {
         "several-packages": "several packages with the same name: the nearest one is used",
         "package-folder": "a package without a package.xml: a folder of its name, or with its files, is used",
         "file-spelling": "a file or reference that is spelled otherwise than on the disk",
-        "missing-inertia": "a link without <inertial>: it gets a negligible mass",
+        "missing-inertia": "a URDF link without <inertial>: it gets a negligible mass",
         "unknown-reference": "a <gazebo> tag for a link or joint that does not exist",
         "two-frictions": "friction that depends on the direction: one coefficient is used for all directions",
         "zero-limit": "an effort or velocity of 0 or less in <limit>: it counts as no limit",
@@ -131,7 +131,7 @@ _SUMMARIES: Final[Mapping[Level, Mapping[str, str]]] = {
         "second-inertial": "a link with more than one <inertial>: the first one is used",
         "odd-inertia": "an inertia that does not fit the mass and size of its link: probably in another unit",
         "odd-mass": "a model that is denser than any metal: its masses are probably in another unit",
-        "default-inertia": "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF",
+        "default-inertia": "an SDF link that lacks <inertial>, its mass or a moment: it is 1, the default of SDF",
         "turned-base": "a root link that the SDF file rotates: set robot.pose instead",
         "start-position": "joints that <ros2_control> starts at its `initial_value`",
         "control-mimic": "a joint that mimics another by a parameter of <ros2_control>",
@@ -195,6 +195,7 @@ def limited_notes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 _ANNOUNCED: Final = frozenset(
     {
         "concave-mesh",
+        "default-inertia",
         "file-spelling",
         "impossible-inertia",
         "massless-base",

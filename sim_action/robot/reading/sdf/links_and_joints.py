@@ -74,9 +74,11 @@ class LinkWriter:
         link = writer.add(writer.root, "link", element, name=entry.full_name)
         self._note_unsupported_parts(element, f"link '{entry.full_name}'")
         inertial = element.find("inertial")
-        if inertial is not None and flag_attribute(inertial, "auto"):
-            self._write_auto_inertia(link, inertial, entry, frame)
-        elif inertial is not None:
+        if inertial is None and not entry.owner.static and entry.full_name != WORLD:
+            # SDF's defaults count as for an empty one. A link that is fixed to the world needs no mass.
+            inertial = Element("inertial")
+            self._notes.places[inertial] = self._notes.places[element]
+        if inertial is not None and not self._write_auto_inertia(link, inertial, entry, frame):
             self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
         for holder in element:
             if holder.tag in {"collision", "visual"}:
@@ -96,23 +98,27 @@ class LinkWriter:
         moments = stated_moments(holder)
         writer.add(inertial, "inertia", holder, **{name: numbers(value) for name, value in moments.items()})
 
-    def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> None:
-        """Write the inertia of the link's collisions. If that is allowed to fail, the link has no <inertial>."""
+    def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> bool:
+        """Write the inertia of the link's collisions, if it is `auto`. Return False if not, or if that failed."""
+        if not flag_attribute(source, "auto"):
+            return False
         collisions = [(holder, self._placed(entry, holder, frame)) for holder in entry.element.findall("collision")]
         inertia = self._notes.attempt(lambda source: auto_inertia(source, collisions), source)
         if inertia is None:
-            return
+            return False
         writer = self._writer
         inertial = writer.add(link, "inertial", source)
         writer.add_origin(inertial, source, Pose(inertia.centre_xyz))
         writer.add(inertial, "mass", source, value=numbers(inertia.mass))
         writer.add(inertial, "inertia", source, **{name: numbers(value) for name, value in inertia.moments.items()})
+        return True
 
     def _note_defaults(self, inertial: Element, name: str) -> None:
         units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
         absent = [f"{path} = 1 {unit}" for path, unit in units.items() if inertial.find(path) is None]
         if absent:
-            message = f"<inertial> of link '{name}' is incomplete; SDF's defaults are used: {', '.join(absent)}"
+            lacking = "incomplete" if len(inertial) else "missing or empty"
+            message = f"<inertial> of link '{name}' is {lacking}; SDF's defaults are used: {', '.join(absent)}"
             self._notes.add("default-inertia", inertial, message)
 
     def _write_shape(self, link: Element, holder: Element, entry: Entry, frame: Pose) -> None:

@@ -145,7 +145,7 @@ BAD_SDF_MODELS = [
     _bad("missing-part", 3, "<collision> has no <geometry>", SPHERE, '<collision name="c"/>'),
     _bad("missing-visual", 3, "'a.dae' does not exist", SPHERE, SPHERE + _DRAWN),
     _surface("bad-number", "of 0 or more", "<ode><kp>-1</kp></ode>"),
-    BadSdf("weightless", "massless-model", 2, "no link of the model has a mass", GOOD.replace(INERTIAL, "")),
+    _bad("default-inertia", 3, "is missing or empty; SDF's defaults are used: mass = 1 kg", INERTIAL, ""),
     # Includes.
     _also("missing-part", 7, "<include> has no <uri>", "<include/>"),
     _also("missing-part", 7, "an empty <uri>", "<include><uri/></include>"),

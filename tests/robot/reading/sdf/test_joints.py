@@ -188,8 +188,24 @@ def test_what_an_inertial_leaves_out_is_as_the_format_has_it_and_a_static_model_
     (finding,) = model.findings
     assert finding.rule == "default-inertia"
     assert "mass = 1 kg, inertia/ixx = 1 kg m^2" in finding.message
-    model = load(tmp_path, sdf(link("a"), f'<link name="b">{SPHERE}</link>', joint("j", "a", "b")))
-    assert (model.mass, rules(model)) == (1.0, ["missing-inertia"])
+
+
+def test_a_link_without_inertial_has_the_mass_and_moments_of_the_format(tmp_path: Path) -> None:
+    """As in Link::Load of libsdformat: 1 kg and moments of 1 kg m^2, in the frame of the link."""
+    bare = f'<link name="b"><pose>1 2 3 0 0 {HALF}</pose>{SPHERE}</link>'
+    model = load(tmp_path, sdf(link("a"), bare, joint("j", "a", "b")))
+    assert (model.mass, model.links_by_name["b"].mass) == (2.0, 1.0)
+    (finding,) = model.findings
+    assert (finding.rule, finding.location.line) == ("default-inertia", 4)
+    assert finding.message.startswith(
+        "<inertial> of link 'b' is missing or empty; SDF's defaults are used: mass = 1 kg"
+    )
+    stated, default = (ET.tostring(part) for part in ET.fromstring(model.urdf).iterfind("link/inertial"))
+    assert default == stated
+    auto = bare.replace("<pose>", '<inertial auto="true"><mass>3</mass></inertial><pose>')
+    mesh = auto.replace(SPHERE, SPHERE.replace("<sphere><radius>0.1</radius></sphere>", "<empty/>"))
+    model = load(tmp_path, sdf(link("a"), mesh, joint("j", "a", "b")), allow=("unsupported-part",))
+    assert (model.mass, rules(model)) == (4.0, ["unsupported-part", "default-inertia"])
 
 
 @pytest.mark.parametrize(
