@@ -9,6 +9,7 @@ import ctypes
 import gc
 import os
 import sys
+import threading
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from sim_action.core.process import BEFORE_IMPORTS
 from sim_action.engines import installed
 from sim_action.ros.ros2.installation import PYTHON_VARIABLE
+from tests.patience import wait_until
 from tests.ros.ros2.nodes import WHEELS
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
@@ -54,6 +56,14 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.set_threshold(*gc.get_threshold()[:2], 100)
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_runtest_teardown() -> Generator[None, object, object]:
+    """Wait for the end of all threads of a test: a process with threads is not forked for the runs of the next one."""
+    ended = yield
+    wait_until(lambda: threading.active_count() == 1)
+    return ended
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -114,7 +114,7 @@ def split_output(text: str) -> tuple[tuple[Diagnostic, ...], str]:
 
 
 # The dump is written this long before the deadline: at most a share of the time, at most so many seconds.
-_BEFORE_S: Final = 0.2
+_BEFORE_S: Final = 1.0
 _BEFORE_SHARE: Final = 0.1
 _FRAME: Final = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d{1,9}) in ', re.MULTILINE)
 

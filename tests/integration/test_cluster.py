@@ -17,6 +17,7 @@ import pytest
 from distributed import Client
 
 import sim_action
+from sim_action.ros.processes import command_line
 from sim_action.runner.isolation.process_control import processes
 from tests.integration.conftest import ACTION, BOX, write
 from tests.patience import PATIENCE, wait_until
@@ -104,7 +105,7 @@ def children_of(parent: int) -> list[int]:
 
 def workers_of(process: subprocess.Popen[str]) -> list[int]:
     def workers() -> list[int]:
-        return [pid for pid in children_of(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        return [pid for pid in children_of(process.pid) if b"spawn_main" in command_line(pid)]
 
     wait_until(lambda: len(workers()) == 2)
     return workers()

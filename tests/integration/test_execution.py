@@ -135,9 +135,9 @@ def wait():
 
 def test_user_code_that_does_not_end_is_told_with_its_line(tmp_path: Path, run: Run) -> None:
     (tmp_path / "level.py").write_text(HANGS)
-    paths = [script(tmp_path, "hang", "import time; time.sleep(600)", wall_limit=5)]
+    paths = [script(tmp_path, "hang", "import time; time.sleep(600)", wall_limit=20)]
     for name, asked in (("alone", "assertion: level.py:Level"), ("negated", "not: {assertion: 'level.py:Level'}")):
-        path = scenario(tmp_path, name, wall_limit=5)
+        path = scenario(tmp_path, name, wall_limit=20)
         path.write_text(path.read_text().replace("no_collision", f"{{{asked}}}"))
         paths.append(path)
     controller, *assertions = (outcome.failures[0] for outcome in run(paths, tmp_path, jobs=3))

@@ -168,7 +168,7 @@ def _forever(_run: object, _file: object) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="what is put in place of a format is there in copies of us alone")
 def test_a_verdict_stands_though_to_record_it_takes_too_long(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CsvTable, "write", _forever)
-    (folder / "a.sim.yml").write_text(f"{WRENCHES}wall_limit: 6 s\n")
+    (folder / "a.sim.yml").write_text(f"{WRENCHES}wall_limit: 20 s\n")
     assert call(["run", "--quiet", "--record", "tum,csv,mp4", "a.sim.yml"]) == ExitCode.PASSED
     stored = outcome()
     assert stored["status"] == "passed"

@@ -14,6 +14,7 @@ import pytest
 
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
+from sim_action.ros.processes import command_line
 from tests.integration.marked_processes import processes_of, wait_for
 from tests.patience import PATIENCE, wait_until
 from tests.ros.ros1.launches import ROOT, needs_ros, package
@@ -58,7 +59,7 @@ LAUNCH = """\
 
 
 def called(folder: Path, words: str) -> int:
-    lines = {pid: Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ") for pid in processes_of(folder)}
+    lines = {pid: command_line(pid).replace(b"\0", b" ") for pid in processes_of(folder)}
     return min(pid for pid, line in lines.items() if words.encode() in line)
 
 

@@ -13,9 +13,10 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from sim_action.ros.processes import WatchedProcesses
+from tests.patience import PATIENCE
 
 pytestmark = [pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc"), pytest.mark.process]
-LONG = 20.0
+LONG = float(PATIENCE)
 SHORT = 0.2
 
 # It says a line when it is about to do what it is there for.
@@ -179,7 +180,7 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (64, resource.getrlimit(resource.RLIM
 from sim_action.ros.processes import WatchedProcesses
 looking = WatchedProcesses(spared=threading.get_native_id())
 looking.watch([int(sys.argv[1])])
-print(looking.wait(20))
+print(looking.wait(600))
 """
 
 

@@ -34,7 +34,7 @@ _MIN_POLLS_HZ: Final = 50.0
 _POLL_S: Final = 0.01
 # Wall time without a change in the graph, after which the clock starts although no node drives the robot.
 _CALM_S: Final = 2.0
-_MAX_LEAVING_S: Final = 5.0  # wall time in which a node that has left the graph ends
+_MAX_LEAVING_S: Final = 10.0  # wall time in which a node that has left the graph ends
 
 
 class TestFinished(ControllersFinished):

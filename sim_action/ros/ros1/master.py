@@ -16,7 +16,7 @@ from sim_action.core.records import dataclass
 
 _SUCCESS: Final = 1
 _INBOUND: Final = "i"
-_TIMEOUT_S: Final = 1.0
+_TIMEOUT_S: Final = 10.0  # a busy machine delays answers; a process that has ended refuses the connection at once
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ _MAX_CHARS: Final = 300
 _MAX_ERRORS: Final = 10
 _KEY: Final = "ros2"
 _EPSILON_S: Final = 1e-6  # ticks at the same time differ by less
-_MAX_LEAVE_S: Final = 5.0  # the wall time that a node may take to end after it has left the graph
+_MAX_LEAVE_S: Final = 10.0  # the wall time that a node may take to end after it has left the graph
 _MORE_CALMS: Final = 2  # the calms after the first one, in which nodes of a launch get to know all others
 # Every system buffers as much.
 _SMALL_BYTES: Final = 100_000

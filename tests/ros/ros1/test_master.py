@@ -99,7 +99,9 @@ def wait_until_connected(asking: Master) -> None:
     wait_until(lambda: asking.first_unconnected(asking.graph()) is None)
 
 
-def test_nodes_their_processes_and_their_connections(master: Ros, asking: Master) -> None:
+def test_nodes_their_processes_and_their_connections(
+    master: Ros, asking: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with master.node("one", publishes="/a /b") as one, master.node("listener", hears="/a /nobody") as listener:
         graph = asking.graph()
         assert graph.master == master.pid
@@ -122,7 +124,16 @@ def test_nodes_their_processes_and_their_connections(master: Ros, asking: Master
             wait_until_connected(asking)
             graph = asking.graph()
             listener.send_signal(signal.SIGSTOP)
+            monkeypatch.setattr("sim_action.ros.ros1.master._TIMEOUT_S", 1.0)
             assert asking.first_unconnected(graph) == ("/listener", "/a")
+
+
+def test_a_master_that_is_busy_is_waited_for(master: Ros, asking: Master) -> None:
+    os.kill(master.pid, signal.SIGSTOP)
+    going_on = threading.Timer(1.5, os.kill, (master.pid, signal.SIGCONT))
+    going_on.start()
+    assert asking.graph().master == master.pid
+    going_on.join()
 
 
 @contextmanager

@@ -61,7 +61,7 @@ _MAX_KEPT_BYTES: Final = 100_000
 _POLL_S: Final = 0.005
 # Wall time for reading and starting a launch file, for roslaunch to notice ended nodes, and for nodes to leave.
 _MAX_START_S: Final = 60.0
-_MAX_NOTICE_S: Final = 5.0
+_MAX_NOTICE_S: Final = 20.0
 _MAX_SHUTDOWN_S: Final = 5.0
 KEY: Final = "ros1"
 
