@@ -5,12 +5,12 @@ One table has three writers: `Table.lines` for a terminal, `markdown_table` for 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Final
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final, TypeAlias
 
 from sim_action.core import units
 from sim_action.core.errors import Location
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.display import Console, Line, RowStatus, StatusDisplay, display_of
@@ -25,14 +25,26 @@ NUMBERS: Final = (" Measured", " Limit", " Margin", " At")  # the columns of the
 
 
 @dataclass(frozen=True, slots=True)
+class Bar:
+    """A number with a bar in the page; other reports have its text."""
+
+    text: str
+    share: float  # the length of the bar, at most 1; NaN: it has none
+    is_margin: bool = False  # True if the bar begins in the middle, for a positive share to the right
+
+
+# A number is a sim time in s, which the page links to the replay.
+Value: TypeAlias = str | float | Bar
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """A row of a table."""
 
     status: RowStatus  # the status, whose symbol begins the row
     name: str  # the subject, such as an expectation
     message: str = ""  # the finding
-    # the texts of the further columns; a number is a sim time in s, which the page links to the replay
-    values: tuple[str | float, ...] = ()
+    values: tuple[Value, ...] = ()  # the values of the further columns
     kind: str = ""  # the kind of the row, such as "newly fails"
     location: Location | None = None  # the place in the scenario file
     stands_out: bool = False  # True if every report shows the place and the values, not only the page
@@ -41,6 +53,9 @@ class Row:
     replay: str = ""  # the link to the moment in the replay
     link: str = ""  # the element id of the article in the page
     is_neutral: bool = False  # True if the symbol has no colour, because the row does not count by itself
+    below: Table | None = None  # the rows that the page has below this one, such as the variations of a scenario
+    # name -> text by which the script of the page sorts and filters the rows
+    data: Mapping[str, str | None] = field(default_factory=dict)
 
     @property
     def display(self) -> StatusDisplay:
@@ -59,13 +74,14 @@ class Table:
     kind: str = ""  # the title of the kinds; empty: no row has one
     rest: tuple[Row, ...] = ()  # the rows in a fold
     rest_title: str = ""  # the title of the fold
+    orders: Mapping[str, str] = field(default_factory=dict)  # title -> name of the order of the rows by this column
 
     @property
     def titles(self) -> tuple[str, ...]:
         """The titles of all columns after the symbols."""
         return (*filter(None, (self.kind, self.name, self.message)), *self.columns)
 
-    def values_of(self, row: Row) -> tuple[str | float, ...]:
+    def values_of(self, row: Row) -> tuple[Value, ...]:
         """Return a value for each column; empty if the row lacks it."""
         return (*row.values, *("" for _ in self.columns))[: len(self.columns)]
 
@@ -89,8 +105,10 @@ class Table:
             yield from ([(f"{indent}    ", ""), part] for part in shown if part[0])
 
 
-def value_text(value: str | float) -> str:
+def value_text(value: Value) -> str:
     """Return a value of a row as text."""
+    if isinstance(value, Bar):
+        return value.text
     return value if isinstance(value, str) else moment(value)
 
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
+from math import isfinite
 from pathlib import Path
 from typing import Final, Self
 
@@ -23,7 +24,7 @@ from sim_action.reports.display import RowStatus, display_of
 from sim_action.reports.escaping import one_line, plain_text
 from sim_action.reports.formatting import moment
 from sim_action.reports.links import file_and_line, source_url
-from sim_action.reports.table import Row, Table
+from sim_action.reports.table import Bar, Row, Table, Value
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Outcome
 
@@ -277,13 +278,6 @@ def values(named: Iterable[tuple[str, str]], kind: str) -> Html:
     return element("dl", *pairs, class_=kind) if pairs else Html("")
 
 
-def table(titles: Iterable[str], rows: Html, *, around: str = "wide") -> Html:
-    """Return a table; its first column has no title."""
-    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
-    whole = element("table", element("thead", head), element("tbody", rows))
-    return element("div", whole, class_=around)
-
-
 @lru_cache(maxsize=32)
 def status_mark(status: RowStatus, *, neutral: bool = False) -> Html:
     """Return the symbol of a status; assistive technology reads its word. `neutral`: without its colour."""
@@ -301,37 +295,64 @@ def source(location: Location | None, options: ReportOptions) -> Html:
     return element("a", shown, href=url, rel="noreferrer") if url else shown
 
 
-def value_link(value: str | float) -> str:
-    """Return a value of a row; a sim time in s moves the replay of its article there."""
-    return value if isinstance(value, str) else element("span", moment(value), class_="moment", data_time=value)
+def value_link(value: Value) -> Html:
+    """Return a value of a row, with its bar; a sim time in s moves the replay of its article there."""
+    if isinstance(value, Bar):
+        return Html(text(value.text) + bar(value))
+    return text(value) if isinstance(value, str) else element("span", moment(value), class_="moment", data_time=value)
+
+
+_LEAST_BAR: Final = 1.5  # in units of a bar, which has 100
+
+
+def bar(value: Bar) -> Html:
+    """Return the bar of a value; one of a margin begins in the middle of its scale, for a missed one to the left."""
+    if not isfinite(value.share):
+        return Html("")
+    whole, kind = (50, "margin-bar") if value.is_margin else (100, "share-bar")
+    length = max(_LEAST_BAR, round(whole * min(1.0, abs(value.share)), 1))
+    x, missed = (-length, "missed") if value.share < 0 else (None, None)
+    filled = element("rect", x=x, width=length, height=1, class_=missed)
+    box = f"{whole - 100} 0 100 1"
+    return element("svg", filled, viewBox=box, preserveAspectRatio="none", aria_hidden="true", class_=kind)
 
 
 def html_table(shown: Table, options: ReportOptions | None, *, around: str = "wide") -> Html:
     """Return a table with its rest in a fold; empty without rows."""
-    first, rest = (joined(*(html_row(shown, row, options) for row in rows)) for rows in (shown.rows, shown.rest))
-    titles = tuple(title.strip() for title in shown.titles)
-    fold = element("summary", shown.rest_title), table(titles, rest, around=around)
-    return joined(
-        table(titles, first, around=around) if first else "", element("details", *fold, class_="rest") if rest else ""
-    )
+    first, rest = (_unfolded(shown, rows, options, around) if rows else "" for rows in (shown.rows, shown.rest))
+    return joined(first, element("details", element("summary", shown.rest_title), rest, class_="rest") if rest else "")
 
 
-def html_row(shown: Table, row: Row, options: ReportOptions | None, *more: Html) -> Html:
-    """Return a row of a table, followed by more cells."""
+def _unfolded(shown: Table, rows: Iterable[Row], options: ReportOptions | None, around: str) -> Html:
+    """Return a table of some rows; each row that can be sorted has a body of its own."""
+    titles = (title.strip() for title in shown.titles)
+    heads = (element("th", title, scope="col", data_sort=shown.orders.get(title)) for title in titles)
+    head = element("thead", element("tr", element("td"), *heads))
+    written = [(joined(*_row(shown, row, options)), row.data) for row in rows]
+    if not shown.orders:
+        written = [(joined(*(part for part, _ in written)), {})]
+    bodies = (element("tbody", part, **{f"data_{key}": words for key, words in data.items()}) for part, data in written)
+    return element("div", element("table", head, *bodies), class_=around)
+
+
+def _row(shown: Table, row: Row, options: ReportOptions | None) -> Iterator[Html]:
+    """Yield a row of a table, and one with the table below it."""
     place = "" if options is None else source(row.location, options)
     about = [element("span", part) for part in (place, *row.notes) if part]
     small = (" ", element("small", Html(" · ".join(about)), class_="faint")) if about else ()
     name = element("a", row.name, href=f"#{row.link}") if row.link else element("span", row.name)
     message = element("td", row.message, class_="finding", data_title=shown.message) if shown.message else ""
     values = zip(shown.columns, shown.values_of(row), strict=True)
-    return element(
+    yield element(
         "tr",
         element("td", status_mark(row.status, neutral=row.is_neutral)),
         element("th", name, *small, scope="row"),
         message,
         *(element("td", value_link(value), data_title=title.strip()) for title, value in values),
-        *more,
     )
+    if row.below is not None:
+        below = html_table(row.below, options, around="wide runs")
+        yield element("tr", element("td", below, colspan=len(shown.titles) + 1), class_="below")
 
 
 def page_header(title: str, kind: str, *lines: str) -> Html:

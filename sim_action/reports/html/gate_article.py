@@ -14,7 +14,7 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.display import STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import moment, quantity
+from sim_action.reports.formatting import first_reason, moment, quantity
 from sim_action.reports.html.document import (
     Html,
     article,
@@ -30,7 +30,7 @@ from sim_action.reports.html.document import (
 )
 from sim_action.reports.html.scenario_article import failure_sections, status_line
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
-from sim_action.reports.table import Row, Table, expectation_rows
+from sim_action.reports.table import Bar, Row, Table, Value, expectation_rows
 from sim_action.results.outcome import ExpectationOutcome, GateStatistics, Outcome
 from sim_action.scenario.variations.expansion import labels
 from sim_action.scenario.variations.gate import PlannedGate, percent
@@ -177,46 +177,81 @@ def _label(x: float, y: float, anchor: str, words: str) -> Html:
 
 
 _MAX_TEXT: Final = 40
+_MAX_REASON: Final = 300
 
 
 def _runs(group: ScenarioGroup, place: GroupPlace, options: ReportOptions) -> Html:
     """Return the runs, the worst first; those after the first ones are in a fold."""
-    runs = [run for run in group.worst_first() if id(run) in place.ids]
+    shown = runs_table(group, place.ids, ("Replay",), lambda run: (_replay_text(run, place),), SHOWN_RUNS)
+    left = len(group.outcomes) - len(shown.rows) - len(shown.rest)
+    more = faint(f"{counted(left, 'more run')} in results.json.") if left else ""
+    return titled("Runs, the worst first", html_table(shown, options, around="wide runs"), more)
+
+
+def _replay_text(run: Outcome, place: GroupPlace) -> str:
+    """Return whether the page has the replay of a run; empty if it was not run."""
+    return "" if run.status == "skipped" else "yes" if place.ids[id(run)] in place.replayed else "not in this report"
+
+
+def runs_table(
+    group: ScenarioGroup,
+    ids: Mapping[int, str],
+    titles: tuple[str, ...],
+    values_of: Callable[[Outcome], tuple[Value, ...]],
+    unfolded: int = 0,
+) -> Table:
+    """Return the runs of a group that have an article, the worst first, with their parameters as columns.
+
+    `ids`: `id()` of an outcome -> the element id of its article; `titles`, `values_of`: further columns, and
+    their values; `unfolded`: the number of runs that are in no fold.
+    """
     columns = parameters(group.outcomes)
     numbers = {id(run): number for number, run in enumerate(group.outcomes)}
-    ids = place.ids
-    rows = tuple(run_row(run, numbers[id(run)], columns, ids[id(run)], *_nearest(run, place)) for run in runs)
-    table = Table(
-        "Run",
-        rows[:SHOWN_RUNS],
-        (*(column.label for column in columns), "Nearest limit", "Margin", "Replay"),
-        rest=rows[SHOWN_RUNS:],
-        rest_title=f"All {len(runs)} runs",
+    rows = tuple(
+        Row(
+            run.display_status,
+            f"run {numbers[id(run)] + 1}",
+            values=(
+                *(shortened(column.texts[numbers[id(run)]], _MAX_TEXT) for column in columns),
+                *nearest_limit(run),
+                *values_of(run),
+            ),
+            link=ids[id(run)],
+            is_neutral=run.is_sample,
+        )
+        for run in group.worst_first()
+        if id(run) in ids
     )
-    left = len(group.outcomes) - len(runs)
-    more = faint(f"{counted(left, 'more run')} in results.json.") if left else ""
-    return titled("Runs, the worst first", html_table(table, options, around="wide runs"), more)
+    titles = (*(column.label for column in columns), "Nearest limit", "Margin", *titles)
+    noun = "variation" if group.gate is None and not group.is_part else "run"
+    title = counted(len(rows) - unfolded, "more run") if unfolded else counted(len(group.outcomes), noun)
+    return Table("Run", rows[:unfolded], titles, rest=rows[unfolded:], rest_title=title)
 
 
-def _nearest(run: Outcome, place: GroupPlace) -> tuple[str, str, str]:
-    """Return the expectation that is nearest to its limit, its margin, and whether the page has a replay."""
+def nearest_limit(run: Outcome) -> tuple[str, str | Bar]:
+    """Return the expectation nearest to its limit, or the reason why a run did not pass, and the margin.
+
+    A goal that was reached has the time of this in place of its margin.
+    """
     expected = nearest_expectation(run)
-    verdict = None if expected is None else expected.verdict
-    nearest = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
+    if expected is None or run.failures:
+        words = first_reason(run)
+    else:
+        words = expected.name if expected.status == "passed" else expected.verdict.message
+    return "" if run.status == "skipped" else shortened(one_line(words), _MAX_REASON), _margin(expected)
+
+
+def _margin(expected: ExpectationOutcome | None) -> str | Bar:
+    if expected is None:
+        return ""
+    verdict = expected.verdict
+    if verdict.status == "passed" and verdict.goal and verdict.time is not None:
+        return f"reached at {moment(verdict.time)}"
+    if verdict.margin is None or verdict.cut_off:
+        return ""
     # A count of contacts is 0 or 1: its margin says nothing.
-    margin = "" if verdict is None or verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
-    if verdict is not None and verdict.status == "passed" and verdict.goal:
-        margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
-    replay = "" if run.status == "skipped" else "yes" if place.ids[id(run)] in place.replayed else "not in this report"
-    return nearest, margin, replay
-
-
-def run_row(run: Outcome, index: int, columns: Sequence[Parameter], identity: str, *values: str) -> Row:
-    """Return the row of a run: its status, the link to its article, its parameters, and more values."""
-    texts = (shortened(column.texts[index], _MAX_TEXT) for column in columns)
-    return Row(
-        run.display_status, f"run {index + 1}", values=(*texts, *values), link=identity, is_neutral=run.is_sample
-    )
+    words = "" if verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
+    return Bar(words, relative_margin(expected), is_margin=True)
 
 
 MIN_PLOTTED_RUNS: Final = 3

@@ -12,11 +12,13 @@ import pytest
 
 from sim_action.recording.replay.sightings import SightingData
 from sim_action.reports.html.base_run import ScenarioChange
-from sim_action.reports.html.document import Html
+from sim_action.reports.html.document import Html, bar
+from sim_action.reports.html.gate_article import nearest_limit
 from sim_action.reports.html.navigation import planned_page
-from sim_action.reports.html.suite import alike, margin_bar, nearest_cell, sort_margin, suite_article
+from sim_action.reports.html.suite import alike, sort_margin, suite_article
 from sim_action.reports.html.top_view import RunLook, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
+from sim_action.reports.table import Bar
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import like, outcome, unjudged
 from tests.replays import drive
@@ -74,37 +76,37 @@ def test_rows_of_variations_gates_and_failures() -> None:
     assert "<summary>30 runs</summary>" in text
     assert '<tbody data-status="failed"' in text
     # A reason stands where a scenario did not pass.
-    assert "SIGSEGV: the process ended" in nearest_cell(crashed("a.sim.yml"))
-    assert "never checked: sensor &#x27;lidar&#x27; had no reading" in nearest_cell(unjudged("a.sim.yml"))
-    assert "travelled 1.5 m" in nearest_cell(outcome("a.sim.yml", holds=False))
-    assert ">travel<" in nearest_cell(outcome("a.sim.yml"))
+    assert nearest_limit(crashed("a.sim.yml")) == ("SIGSEGV: the process ended", "")
+    assert "never checked: sensor 'lidar' had no reading" in nearest_limit(unjudged("a.sim.yml"))[0]
+    assert "travelled 1.5 m" in nearest_limit(outcome("a.sim.yml", holds=False))[0]
+    assert nearest_limit(outcome("a.sim.yml"))[0] == "travel"
 
 
 @pytest.mark.parametrize(
     ("relative", "drawn"),
     [
-        (0.25, '<rect x="0" width="12.5" height="8" class="held"'),
-        (7.0, '<rect x="0" width="50.0" height="8" class="held"'),
-        (-0.5, 'x="-25.0" width="25.0" height="8" class="missed"'),
-        (-1e-9, 'x="-1.5" width="1.5" height="8" class="missed"'),
+        (0.25, '<rect width="12.5" height="1">'),
+        (7.0, '<rect width="50.0" height="1">'),
+        (-0.5, '<rect x="-25.0" width="25.0" height="1" class="missed">'),
+        (-1e-9, '<rect x="-1.5" width="1.5" height="1" class="missed">'),
     ],
 )
 def test_a_bar_shows_a_margin_relative_to_its_limit(relative: float, drawn: str) -> None:
-    assert drawn in margin_bar(relative)
+    assert drawn in bar(Bar("", relative, is_margin=True))
 
 
 def test_margins_and_times_of_rows() -> None:
-    assert "held" not in margin_bar(float("nan"))
+    assert not bar(Bar("", float("nan"), is_margin=True))
     # Scenarios are sorted by the relative margin and those without a verdict come first.
     assert sort_margin(with_margin(0.5)) == "0.25"
     assert sort_margin(with_margin(-0.5)) == "-0.25"
     assert sort_margin(crashed("a.sim.yml")) == "-2"
     # A goal is always reached exactly at its limit.
     assert sort_margin(with_margin(0.0, goal=True)) is None
-    assert "reached at 2.00 s" in nearest_cell(with_margin(0.0, goal=True))
+    assert nearest_limit(with_margin(0.0, goal=True))[1] == "reached at 2.00 s"
     # Wall times are drawn relative to the longest.
     text = article(outcome("a.sim.yml", wall_time=4.0), outcome("b.sim.yml", wall_time=1.0))
-    assert re.findall(r'<rect width="([\d.]+)" height="4">', text) == ["100.0", "25.0"]
+    assert re.findall(r'"share-bar"><rect width="([\d.]+)" height="1">', text) == ["100.0", "25.0"]
 
 
 def test_changes_of_rows() -> None:
@@ -113,13 +115,13 @@ def test_changes_of_rows() -> None:
     assert "Change" not in article(*several)
     fixed, same = ScenarioChange("fixed", "failed before", "pallet is gone"), ScenarioChange("unchanged", "none")
     text = article(*several, changes={id(several[0]): fixed, id(several[1]): same})
-    assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["fixed; pallet is gone", ""]
+    assert re.findall(r'<td data-title="Change">(.*?)</td>', text) == ["fixed; pallet is gone", ""]
     assert re.findall(r'data-change="(\d+)"', text) == ["9", "14"]
     # A group has its most important change.
     varied = [run(number, 0.1, gate=None) for number in range(3)]
     new, fails = ScenarioChange("new", "was not there"), ScenarioChange("newly fails", "passed before")
     text = article(*varied, outcome("b.sim.yml"), changes={id(varied[0]): new, id(varied[1]): fails})
-    assert '<td class="change" data-title="Change">newly fails</td>' in text
+    assert '<td data-title="Change">newly fails</td>' in text
     assert 'data-change="0"' in text
 
 

@@ -150,7 +150,7 @@ function together(units, group) {
  * @returns {ScenarioUnit[]}
  */
 function unitsOfPage(entries) {
-  const bodies = [...document.querySelectorAll("#suite .suite-table > tbody")];
+  const bodies = [...document.querySelectorAll("#suite .suite-table > table > tbody")];
   return [...document.querySelectorAll("nav.scenarios > details > ol > li")].map((item, place) => {
     const body = bodies[place];
     const data = body instanceof HTMLElement ? body.dataset : {};
@@ -160,7 +160,7 @@ function unitsOfPage(entries) {
     const heads = known.map(({ id }) => id).filter(isHead);
     const runs = known.length > heads.length ? known.filter(({ id }) => !isHead(id)) : known;
     const title = item.querySelector("summary .name, a .name")?.firstChild?.textContent ?? "";
-    const changed = body?.querySelector(":scope > tr > .change")?.textContent ?? "";
+    const changed = body?.querySelector(":scope > tr > [data-title=Change]")?.textContent ?? "";
     const shared = `${title} ${item.matches(".gate") ? anchors[0].textContent : ""} ${data.file ?? ""} ${data.tags ?? ""} ${changed}`;
     const numbers = Object.entries({ margin: data.margin, sim: data.sim, wall: data.wall, change: data.change });
     return {

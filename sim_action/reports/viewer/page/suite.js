@@ -8,14 +8,14 @@ class Suite {
   constructor(article, filter) {
     this.article = article;
     this.filter = filter;
-    this.table = find(article, ".suite-table");
+    this.table = find(article, ".suite-table > table");
     this.order = orderOf(filter.units);
     /** Where the reader was when a scenario was opened. */
     this.scrolled = { main: 0, page: 0 };
     this.chips = this.offerChips();
     this.told = make("p", { class: "faint told", role: "status" });
-    this.table.before(this.tools(), this.told);
-    this.folds = [...this.table.querySelectorAll(".fold")].map((row) => ({
+    find(article, ".suite-table").before(this.tools(), this.told);
+    this.folds = [...this.table.querySelectorAll(".below")].map((row) => ({
       summary: find(row, "summary"),
       words: find(row, "summary").textContent ?? "",
       rows: [...row.querySelectorAll(".runs > table > tbody > tr")].map((run) => ({ run, id: run.querySelector("a")?.hash.slice(1) ?? "" })),
@@ -140,7 +140,7 @@ class Suite {
   /** Moves the focus to the next or previous row. @param {number} step 1 or -1 */
   step(step) {
     const links = [...this.table.querySelectorAll(":scope > tbody:not([hidden]) > tr > th > a")].filter((link) => link instanceof HTMLElement);
-    const focused = document.activeElement?.closest(".suite-table > tbody")?.querySelector("th > a");
+    const focused = document.activeElement?.closest(".suite-table > table > tbody")?.querySelector("th > a");
     const place = links.findIndex((link) => link === focused);
     const next = place < 0 ? links[step > 0 ? 0 : links.length - 1] : links[place + step];
     next?.focus();

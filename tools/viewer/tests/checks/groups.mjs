@@ -12,10 +12,10 @@ const focused = (/** @type {Page} */ page) => page.evaluate(() => document.activ
 export const GROUPS = {
   "keys go past folded rows, and back": {
     look: async (page) => {
-      const names = await page.$$eval("#suite .suite-table > tbody > tr:first-child > th > a", (links) => links.map((link) => link.textContent));
+      const names = await page.$$eval("#suite .suite-table > table > tbody > tr:first-child > th > a", (links) => links.map((link) => link.textContent));
       assert.equal(names.length, 4);
       // A fold that is open has links, too.
-      await page.$eval("#suite .fold details", (fold) => fold.setAttribute("open", ""));
+      await page.$eval("#suite .below details", (fold) => fold.setAttribute("open", ""));
       for (const name of names) {
         await page.keyboard.press("j");
         assert.equal(await focused(page), name);

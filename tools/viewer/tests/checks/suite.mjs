@@ -13,7 +13,7 @@ const titled = (/** @type {Page} */ page, /** @type {string} */ name) =>
   page.waitForFunction((words) => document.querySelector(".scenario.open h2")?.textContent === words, name);
 const named = (/** @type {Page} */ page, /** @type {string} */ name) =>
   assert.equal(new URLSearchParams(new URL(page.url()).hash.slice(1)).get("scenario"), name);
-const rows = (/** @type {Page} */ page) => page.locator("#suite .suite-table > tbody:visible").count();
+const rows = (/** @type {Page} */ page) => page.locator("#suite .suite-table > table > tbody:visible").count();
 
 /** What a reader sees. @param {Page} page */
 async function state(page) {
@@ -61,7 +61,7 @@ async function openedAnew(page) {
 }
 
 const names = (/** @type {Page} */ page) =>
-  page.$$eval("#suite .suite-table > tbody:not(.group-title) > tr:first-child > th > a", (links) => links.map((link) => link.textContent));
+  page.$$eval("#suite .suite-table > table > tbody:not(.group-title) > tr:first-child > th > a", (links) => links.map((link) => link.textContent));
 const groupTitles = (/** @type {Page} */ page) => page.$$eval("#suite .group-title th", (titles) => titles.map((title) => title.textContent));
 const sorted = (/** @type {Page} */ page) =>
   page.$$eval("#suite thead th[aria-sort]", (titles) => titles.map((title) => `${title.getAttribute("data-sort")} ${title.getAttribute("aria-sort")}`));
