@@ -41,7 +41,7 @@ html_extra_path = ["llms.txt", "scenario.schema.json", "base.schema.json", "resu
 html_copy_source = False
 html_use_index = False
 html_theme_options = {"source_repository": REPOSITORY, "source_branch": "main", "source_directory": "docs/"}
-pygments_style = "friendly"
+pygments_style = "a11y-light"
 pygments_dark_style = "monokai"
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
-from typing import NoReturn
+from typing import Final, NoReturn
 
 import click
 from typing_extensions import override
@@ -116,11 +116,35 @@ def _report_unexpected(error: Exception) -> ExitCode:
     return ExitCode.INTERNAL
 
 
+_HYPHEN: Final = "\N{NON-BREAKING HYPHEN}"
+
+
+class _HelpFormatter(click.HelpFormatter):
+    """Wraps lines at spaces only: an option or a package that is broken at a hyphen cannot be copied."""
+
+    @override
+    def write_text(self, text: str) -> None:
+        super().write_text(text.replace("-", _HYPHEN))
+
+    @override
+    def write_dl(self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
+        super().write_dl([(name, words.replace("-", _HYPHEN)) for name, words in rows], col_max, col_spacing)
+
+    @override
+    def getvalue(self) -> str:
+        return super().getvalue().replace(_HYPHEN, "-")
+
+
+class _Context(click.Context):
+    formatter_class = _HelpFormatter
+
+
 class _Subcommands(Mapping[str, click.Command]):
     """The subcommands by name; the module of each is imported when it is asked for."""
 
     def __getitem__(self, name: str) -> click.Command:
         command: click.Command = getattr(import_module(f"sim_action.cli.{SUBCOMMANDS[name].module}"), name)
+        command.context_class = _Context
         return command
 
     def __iter__(self) -> Iterator[str]:

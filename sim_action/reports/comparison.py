@@ -60,7 +60,7 @@ _MAX_KINDS: Final = 3
 def rows(comparison: Comparison) -> list[Row]:
     """Return the changes, the worst first, otherwise in the order of the runs; unchanged passes have no row."""
     every = [row for change in comparison.changes for row in rows_of(change)]
-    return sorted(every, key=lambda row: get_args(Look).index(row.status))
+    return sorted(every, key=lambda row: (get_args(Look).index(row.status), row.kind == "moves differently"))
 
 
 def _row(look: Look, kind: str, outcome: Outcome, detail: str) -> Row:

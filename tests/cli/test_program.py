@@ -7,6 +7,7 @@ from types import ModuleType
 
 import pytest
 
+from sim_action.cli import SUBCOMMANDS
 from sim_action.cli.main import call, leave_out_plugins, program
 from sim_action.core.errors import ExitCode
 
@@ -32,6 +33,17 @@ def test_what_the_system_refuses_is_one_line_and_no_traceback(
     assert call(["validate"]) == ExitCode.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert "the system refused a request: too many open files: a.py" in line
+
+
+def test_help_breaks_no_option_or_package_at_a_hyphen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for name in SUBCOMMANDS:
+        assert call([name, "--help"]) == ExitCode.PASSED
+        help_ = capsys.readouterr().out
+        assert help_.isascii()
+        assert not [line for line in help_.splitlines() if line.endswith("-")]
 
 
 LOADER = "pydantic.plugin._loader"

@@ -115,6 +115,10 @@ def test_headlines_and_titles() -> None:
     assert [row.kind for row in rows(compare_outcomes([passed], [again]))] == ["moves differently"]
     worse = like(failed, digest="f1")
     assert [row.kind for row in rows(compare_outcomes([passed], [worse]))] == ["newly fails"]
+    # What moves differently does not hide what still fails.
+    still = like(failed, name="other")
+    kinds = [row.kind for row in rows(compare_outcomes([passed, still], [again, still]))]
+    assert kinds == ["still fails", "moves differently"]
     # A flaky scenario is in the title.
     flaky = like(SAMPLES["crash"].outcomes[0], status="flaky")
     failed = SAMPLES["failed"].outcomes[0]
