@@ -166,8 +166,10 @@ def _article(identity: str, name: str, listed: Sequence[History], labels: Sequen
     kind = "failed" if broken else "passed"
     sentences = [reason("", element("h3", history.expectation), _sentence(history, labels)) for history in broken]
     status = element("p", f"{len(broken)} broken" if broken else "Passed", class_=f"status {kind}")
-    parts = [_chart(history, labels) for history in listed]
-    return article(identity, kind, (status, heading(identity, name)), joined(reasons(sentences), *parts))
+    parts = joined(*(_chart(history, labels) for history in listed))
+    if not broken:
+        parts = element("details", element("summary", counted(len(listed), "expectation")), parts, class_="rest")
+    return article(identity, kind, (status, heading(identity, name)), joined(reasons(sentences), parts))
 
 
 def _chart(history: History, labels: Sequence[str]) -> Html:
@@ -206,11 +208,10 @@ def _chart(history: History, labels: Sequence[str]) -> Html:
     bad = sum(point.status not in _GOOD for point in history.judged)
     rate = f"good in {len(history.judged) - bad} of {counted(len(history.judged), 'run')}"
     between = f"margin {shown[0]} first, {shown[-1]} last; the dashed line is the limit" if shown else "no margin"
+    caption = f"{rate}; {between}" if history.judged else "never judged"
     rows = tuple(
         Row(point.status, labels[point.run], point.message, (point.shown,)) for point in reversed(history.points)
     )
     values = html_table(Table("Run", rows, ("Margin",), message="Verdict"), None)
     fold = element("details", element("summary", "All values"), values)
-    return joined(
-        element("h3", history.expectation), element("div", drawing, class_="still"), faint(f"{rate}; {between}"), fold
-    )
+    return joined(element("h3", history.expectation), element("div", drawing, class_="still"), faint(caption), fold)

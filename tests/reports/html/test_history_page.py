@@ -95,6 +95,21 @@ def test_of_goals_the_time_that_is_left_is_drawn(folder: Path) -> None:
     assert (point.value, point.shown) == (28.0, "28 s")
 
 
+def test_only_the_charts_of_broken_scenarios_are_seen_at_once(folder: Path) -> None:
+    cut = Verdict(passed=False, message="cut off", margin=0.1, unit="m", time=1.0, cut_off=True)
+    good = outcome(0.3)
+    bad = outcome(-0.1)
+    bad = like(bad, name="bad", expectations=(*bad.expectations, like(bad.expectations[0], name="later", verdict=cut)))
+    results_of(good, bad).write(_made(folder / "a"))
+    write_history(read_runs([str(folder)]), folder)
+    page = (folder / HISTORY_FILE).read_text(encoding="utf-8")
+    [shown, folded] = page.split("<article ")[1:]
+    assert "<summary>1 expectation</summary>" in folded
+    assert "expectations</summary>" not in shown
+    # An expectation that was cut off in each run has no rate.
+    assert re.findall("(good in 0 of 1 run|never judged)", shown) == ["good in 0 of 1 run", "never judged"]
+
+
 def _made(place: Path) -> Path:
     place.mkdir(parents=True)
     return place
