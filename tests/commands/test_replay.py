@@ -488,7 +488,7 @@ JOINT_ROWS = st.lists(st.tuples(st.floats(0, 5), CELLS, CELLS, st.floats(-9, 9))
 )
 
 
-@settings(examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(60), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(JOINT_ROWS, st.floats(-3, 3), st.sampled_from(["240 Hz", "10 Hz"]))
 def test_any_rows_give_finite_targets(tmp_path: Path, rows: list[tuple[float, ...]], offset: float, rate: str) -> None:
     header = "time,position.wheel_left_joint,velocity.wheel_left_joint,velocity.wheel_right_joint"

@@ -23,7 +23,7 @@ def digests() -> FileDigests:
     return FileDigests(time.time_ns() + LATER_NS)
 
 
-@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(50), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=100), st.binary(max_size=100))
 def test_contents_are_equal_if_the_bytes_are(tmp_path: Path, one: bytes, other: bytes) -> None:
     first, second = tmp_path / "a", tmp_path / "b"

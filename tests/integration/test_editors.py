@@ -181,7 +181,7 @@ def pieces() -> st.SearchStrategy[str]:
     return st.lists(st.sampled_from([*PIECES, *sorted(words)]), max_size=6).map("".join)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.text(max_size=6) | st.deferred(pieces))
 def test_patterns_mean_the_same_in_python_and_in_ecmascript(matching: subprocess.Popen[str], text: str) -> None:
     assert matching.stdin is not None

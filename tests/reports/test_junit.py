@@ -160,7 +160,7 @@ def test_a_suite_says_when_the_call_started_and_where(options: ReportOptions) ->
         assert said == {("2026-11-06T08:30:00+00:00", "runner-1")}
 
 
-@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(50), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(text=st.text())
 def test_any_text_survives_as_text(text: str, options: ReportOptions) -> None:
     outcome = SAMPLES["failed"].outcomes[2]

@@ -67,7 +67,7 @@ def test_runs_without_a_command_and_of_another_one(options: ReportOptions) -> No
     assert rerun_command(of(call=words), options) == 'sim-action rostest "my robot" a.test side:=left'
 
 
-@settings(examples(40), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(40), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @example(name="a  wide  gap")
 @given(name=st.text(min_size=1).filter(str.isprintable))
 def test_a_shell_reads_the_name_as_it_is(name: str, options: ReportOptions) -> None:

@@ -58,7 +58,7 @@ def with_names(test: Callable[..., None]) -> Callable[..., None]:
     """Run a test with many names, and with some that were refused once."""
     for name in NAMES:
         test = example(name=name)(test)
-    checks = [HealthCheck.function_scoped_fixture]
+    checks = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
     return given(name=TITLES)(settings(examples(20), suppress_health_check=checks)(test))
 
 

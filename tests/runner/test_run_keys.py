@@ -541,7 +541,7 @@ def test_a_key_of_repetitions_is_that_of_all(tmp_path: Path) -> None:
     assert [event.key for event in call.events if isinstance(event, Finished)] == ["key", None]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, 5_000), byte=st.integers(0, 255))
 def test_a_changed_byte_makes_no_other_verdict(tmp_path_factory: pytest.TempPathFactory, place: int, byte: int) -> None:
     call = Call(tmp_path_factory.mktemp("call"), ("a",))

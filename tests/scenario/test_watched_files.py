@@ -223,7 +223,7 @@ def test_there_is_a_most(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(found(scenario)) == 5
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(st.text(max_size=80))
 def test_no_name_is_too_odd(text: str) -> None:
     assert "sim/a.sim.yml" in found(f"robot: {{model: {json.dumps(text)}}}")

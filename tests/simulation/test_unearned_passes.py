@@ -489,7 +489,10 @@ LIMITS_OF_RUNS: Final[Mapping[str, float]] = {
 
 @pytest.mark.parametrize(("expect", "engine"), in_turns([(expect,) for expect in LIMITS_OF_RUNS]))
 @settings(
-    max_examples=2, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
+    max_examples=2,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+    deadline=None,
 )
 @given(speed=st.floats(0.05, 0.3), time_limit=st.floats(0.3, 0.6), beyond=st.floats(1.3, 1000))
 def test_a_limit_beyond_a_robot_that_runs_away_has_a_finding(

@@ -108,7 +108,7 @@ def test_each_limit_of_an_assertion_is_tested_or_has_a_reason() -> None:
 
 
 @pytest.mark.parametrize("expect", _LIMITS)
-@settings(examples(4), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(4), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(
     most=st.floats(20, 500).map(lambda value: round(value, 2)),
     start=st.floats(-10, 10).map(lambda value: round(value, 2)),

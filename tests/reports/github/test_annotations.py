@@ -61,7 +61,7 @@ def test_at_most_4096_characters(options: ReportOptions) -> None:
     assert re.search(r"(%25)+…$", line)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(name=st.text(), message=st.text(), file=st.text())
 def test_one_line_and_one_command_each(*, name: str, message: str, file: str, options: ReportOptions) -> None:
     (failure,) = SAMPLES["crash"].outcomes[0].failures

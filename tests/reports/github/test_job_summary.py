@@ -71,7 +71,7 @@ def test_what_is_huge_fits(count: int, options: ReportOptions, tmp_path: Path) -
     assert 500_000 < file.stat().st_size <= MAX_BYTES
 
 
-@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(50), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(text=st.one_of(st.text(), st.text(alphabet="|`<>@#[]()\n\r\\_* ")))
 def test_hostile_text_changes_no_structure(text: str, options: ReportOptions) -> None:
     def structure(hostile: str) -> list[str]:
@@ -111,7 +111,7 @@ def test_failures_are_drawn_up_to_a_number(options: ReportOptions, golden: Calla
     assert len(text.encode()) < MAX_BYTES
 
 
-@settings(examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(25), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(name=st.text(min_size=1, max_size=200).filter(lambda text: text.encode(errors="ignore").decode() == text))
 def test_the_name_of_a_curve_ends_no_chart(name: str, options: ReportOptions) -> None:
     text = summary(with_replays(SAMPLES["failed"], options, name), options)

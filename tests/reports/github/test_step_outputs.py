@@ -77,7 +77,7 @@ def test_travelled_and_conclusions(options: ReportOptions) -> None:
     assert conclusions["interrupted"] == "cancelled"
 
 
-@settings(examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(examples(50), suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(folder=st.text(st.characters(exclude_characters="\0\r", exclude_categories=["Cs"]), min_size=1))
 def test_no_path_forges_an_output(folder: str, options: ReportOptions, tmp_path: Path) -> None:
     file = tmp_path / "output"
