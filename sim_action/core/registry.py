@@ -92,10 +92,11 @@ def installed_parts(group: str) -> Mapping[str, InstalledPart]:
 
 
 @cache
-def _parts_on(group: str, _path: tuple[str, ...]) -> Mapping[str, InstalledPart]:
+def _parts_on(group: str, path: tuple[str, ...]) -> Mapping[str, InstalledPart]:
     """Return the parts of the packages on a search path."""
     entries_by_name: dict[str, list[tuple[EntryPoint, str]]] = {}
-    for entry, package in sorted(_entries(group), key=lambda pair: (pair[0].name, pair[1])):
+    of_group = [pair for pair in _entries(path) if pair[0].group == group]
+    for entry, package in sorted(of_group, key=lambda pair: (pair[0].name, pair[1])):
         entries_by_name.setdefault(entry.name, []).append((entry, package))
     return {
         name: InstalledPart(entries[0][0], tuple(package for _, package in entries))
@@ -103,22 +104,21 @@ def _parts_on(group: str, _path: tuple[str, ...]) -> Mapping[str, InstalledPart]
     }
 
 
-def _entries(group: str) -> Iterator[tuple[EntryPoint, str]]:
-    """Yield the entry points of a group, each with its distribution; damaged distributions are left out."""
+@cache
+def _entries(_path: tuple[str, ...]) -> list[tuple[EntryPoint, str]]:
+    """Return the entry points of all groups, each with its distribution; damaged distributions are left out."""
     from importlib import metadata
 
-    seen = set()
+    entries: dict[str, list[tuple[EntryPoint, str]]] = {}
     for distribution in metadata.distributions():
         try:
-            name = distribution.name
-            entries = distribution.entry_points.select(group=group)
-            package = f"{name} {distribution.version}"
+            header = distribution.metadata
+            package = f"{header['Name']} {header['Version']}"
+            # The first one on the search path is the one that is imported.
+            entries.setdefault(header["Name"], [(entry, package) for entry in distribution.entry_points])
         except Exception:  # noqa: BLE001, S112 - a damaged package that has nothing to do with a scenario
             continue
-        # The first one on the search path is the one that is imported.
-        if name not in seen:
-            yield from ((entry, package) for entry in entries)
-        seen.add(name)
+    return [pair for pairs in entries.values() for pair in pairs]
 
 
 @dataclass(frozen=True)
