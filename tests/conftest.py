@@ -37,8 +37,8 @@ def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Three for each processor: tests that start processes wait more than they compute."""
-    return (os.cpu_count() or 1) * 3
+    """Four for each processor: tests that start processes wait more than they compute."""
+    return (os.cpu_count() or 1) * 4
 
 
 def pytest_configure() -> None:
@@ -49,12 +49,12 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Do not look for garbage among the tests, and later seldom: all of them stay until the end."""
+    """Never look for garbage among the tests: all of them stay until the end."""
     gc.disable()
     try:
         return (yield)
     finally:
-        gc.set_threshold(*gc.get_threshold()[:2], 100)
+        gc.freeze()
         gc.enable()
 
 
