@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 import yaml
+from pygments.styles import get_style_by_name  # type: ignore[import-untyped]  # it has no types
+from pygments.token import Error, Generic  # type: ignore[import-untyped]  # it has no types
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli.main import program as sim_action
@@ -252,3 +254,20 @@ def test_options_in_the_text_exist(name: str) -> None:
         command, *rest = words.split()
         assert command in {*sim_action.commands, "COMMAND"}, words
         assert {word for word in rest if word.startswith("--")} <= {*known, "--help"}, words
+
+
+def test_code_in_the_documents_has_enough_contrast() -> None:
+    def luminance(colour: str) -> float:
+        shares = [int(colour[place : place + 2], 16) / 255 for place in (0, 2, 4)]
+        linear = [share / 12.92 if share <= 0.03928 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    styles = re.findall(r'pygments_(?:dark_)?style = "(.*)"', (ROOT / "docs/conf.py").read_text(encoding="utf-8"))
+    assert len(styles) == 2
+    for style in map(get_style_by_name, styles):
+        ground = luminance(style.background_color.removeprefix("#"))
+        for token, look in style:
+            if look["color"] and token not in Generic and token not in Error:
+                dark, bright = sorted((ground, luminance(look["color"])))
+                # The least contrast of text of WCAG 2, level AA.
+                assert (bright + 0.05) / (dark + 0.05) >= 4.5, (style, token)
