@@ -12,10 +12,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final, Self
 
-from sim_action.robot.model.robot_model import STOP_SLACK, RobotModel
+from sim_action.robot.model.robot_model import STOP_PLAY, STOP_SLACK, RobotModel
 
 # Engines stop a joint only beyond its limit, not at it.
-_BEYOND: Final = 1e-6
+_BEYOND: Final = STOP_PLAY + 1e-6
 _NO_RANGE: Final = -math.inf, math.inf
 Placed = tuple[int, float, float]
 

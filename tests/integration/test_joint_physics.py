@@ -16,7 +16,7 @@ from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
-from sim_action.world import World
+from sim_action.world import GRAVITY, World
 from tests.integration.engines import advance, at, inertia, on_every_engine, running, scene_of, travelled
 from tests.physics import robots
 
@@ -101,6 +101,17 @@ def test_a_rod_whose_file_says_that_nothing_turns_about_it_turns_as_a_rod(
     with machine(engine, tmp_path, rod, allow=("impossible-inertia",)) as backend:
         trace = run(backend, 1, JointTargets(effort={"j": 1.0}))
     assert trace.joint_velocity[-1, 0] == pytest.approx(3.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("lower", [-1e-3, 0.0])
+def test_a_servo_at_a_stop_carries_the_same_as_next_to_it(engine: str, lower: float, tmp_path: Path) -> None:
+    lift = joint("prismatic", f'<limit lower="{lower}" upper="1" effort="50" velocity="9"/>').replace("0 1 0", "0 0 1")
+    with machine(engine, tmp_path, lift) as backend:
+        held = run(backend, 1, JointTargets(position={"j": 0.0}))
+        dropped = run(backend, 1, JointTargets(effort={"j": 0.0}))
+    # The stop would carry any share of the 1 kg: all of it in PyBullet, and 71 % in MuJoCo.
+    assert held.joint_effort[-1, 0] == pytest.approx(GRAVITY, rel=1e-6)
+    assert dropped.joint_position[-1, 0] == pytest.approx(lower, abs=1e-4)
 
 
 def test_a_follower_stops_its_leader_at_its_own_limit(engine: str, tmp_path: Path) -> None:

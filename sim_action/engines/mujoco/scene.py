@@ -34,7 +34,7 @@ from sim_action.engines.mujoco.geoms import (
     wxyz,
 )
 from sim_action.robot.documents.urdf_elements import MOMENTS, child_of, number, origin
-from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
+from sim_action.robot.model.robot_model import STOP_PLAY, WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
 from sim_action.world import Disturbance, placed
 from sim_action.world.parts import MassProperties, symmetric, turned_tensor
 from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
@@ -430,9 +430,7 @@ def _limits(joint: Joint) -> dict[str, Any]:
     upper = _FAR if joint.upper is None else joint.upper
     if joint.type == "continuous" or (joint.lower is None and joint.upper is None) or lower > upper:
         return {"limited": mujoco.mjtLimited.mjLIMITED_FALSE}
-    # MuJoCo rejects a range of length 0.
-    narrow = 1e-9 * (lower == upper)
-    return {"limited": mujoco.mjtLimited.mjLIMITED_TRUE, "range": [lower - narrow, upper + narrow]}
+    return {"limited": mujoco.mjtLimited.mjLIMITED_TRUE, "range": [lower - STOP_PLAY, upper + STOP_PLAY]}
 
 
 def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collider]:

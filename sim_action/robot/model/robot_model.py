@@ -133,6 +133,7 @@ READINGS: Final = {
 """A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
 
 STOP_SLACK: Final = 1e-4  # rad or m: engines hold a joint that rests at its stop more closely
+STOP_PLAY: Final = 5e-5  # rad or m from a limit to the stop of an engine: a servo at the limit carries the whole load
 
 JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]
 WORLD: Final = "world"  # a root link with this name is fixed to the world, as in Gazebo

@@ -58,6 +58,7 @@ from sim_action.robot.model.findings import Finding, refuse_errors, without_harm
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import (
     MOVING_TYPES,
+    STOP_PLAY,
     WORLD,
     Color,
     Joint,
@@ -469,7 +470,7 @@ def _limit(joint: Element) -> Element:
     lower, upper = limits(joint)
     if (lower, upper) != (None, None):
         below, above = -UNLIMITED if lower is None else lower, UNLIMITED if upper is None else upper
-        written.attrib.update(lower=repr(below), upper=repr(above))
+        written.attrib.update(lower=repr(below - STOP_PLAY), upper=repr(above + STOP_PLAY))
     return written
 
 

@@ -350,7 +350,7 @@ def test_all_of_a_good_model_is_there(tmp_path: Path) -> None:
     assert part(root, "link/collision/geometry/sphere") == {"radius": "0.5"}
     assert part(root, "joint") == {"name": "shoulder", "type": "revolute"}
     assert part(root, "joint/origin") == {"xyz": "0.0 0.0 1.0", "rpy": "0.0 0.0 0.0"}
-    assert part(root, "joint/limit") == {"lower": "-1.0", "upper": "2.0", "effort": "10.0", "velocity": "3.0"}
+    assert part(root, "joint/limit") == {"lower": "-1.00005", "upper": "2.00005", "effort": "10.0", "velocity": "3.0"}
     assert part(root, "joint/dynamics") == {"damping": "0.1"}
 
 
