@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
@@ -19,8 +19,8 @@ from sim_action.core.records import dataclass, delegated, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named
-from sim_action.robot.model.kinematics import centre_of_mass, link_poses
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.kinematics import centre_of_mass, link_motion, link_poses, shape_points
+from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
@@ -158,6 +158,8 @@ MAX_SLOPE_RAD: Final = math.radians(60)  # a surface that is steeper than this c
 # Pairs and triples of contact points are compared at once, for as many moments as this many numbers allow.
 _MAX_NUMBERS: Final = 2_000_000
 _ON_LINE_M: Final = 1e-9  # m: points nearer to a line than this are on it
+_ON_GROUND_M: Final = 1e-4  # m: corners of a foot that are no higher are on the ground
+_DIRECTIONS: Final = 16  # of a foot with more corners, the outermost one in each direction counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +179,14 @@ class Footing:
         moments = (self._points(trace, foot)[0] for foot in self.feet)
         return np.array([np.bincount(moment, minlength=len(trace)) > 0 for moment in moments])
 
-    def points(self, trace: Trace) -> tuple[NDArray[np.intp], FloatArray]:
-        """Return the contact points of all feet: the index (N,) of the moment, rising, and the place (N, 3) in m."""
+    def points(self, model: RobotModel, trace: Trace) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return where all feet rest: the index (N,) of the moment, rising, and the place (N, 3) in m."""
         per_foot = [self._points(trace, foot) for foot in self.feet]
+        # PyBullet lists only as many contacts of a flat foot as keep it at rest.
+        for foot in self.feet if GROUND in self.bodies else ():
+            shapes = model.links_by_name[foot].collisions
+            flat = (shape for shape in shapes if shape.kind == "box" or shape.hulls or shape.corners)
+            per_foot += [_corners(model, trace, foot, shape) for shape in flat]
         moment = np.concatenate([moments for moments, _ in per_foot])
         order = np.argsort(moment, kind="stable")
         return moment[order], np.concatenate([points for _, points in per_foot])[order]
@@ -202,6 +209,23 @@ class Footing:
         steepness = (record.normal_xyz * np.array(self.up_xyz)).sum(axis=1)
         carries = allowed & (moment >= 0) & (steepness >= math.cos(MAX_SLOPE_RAD))
         return moment[carries], record.position_xyz[carries]
+
+
+def _corners(model: RobotModel, trace: Trace, foot: str, shape: Shape) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return the corners of a shape of a foot that are on the ground while the foot is, as `Footing.points`."""
+    record, motion = trace.link_contacts[foot], link_motion(model, trace, foot)
+    on_ground = np.array([body == GROUND for body in record.bodies], dtype=np.bool_)[record.body]
+    rows = np.unique(record.moment(trace.time)[on_ground])
+    turned: Any = motion.orientation_xyzw[rows].T[:, :, None]
+    corners: Any = shape_points(shape).T
+    places = np.stack(geometry.rotate(turned, corners), axis=2) + motion.position_xyz[rows][:, None]
+    if places.shape[1] > _DIRECTIONS:
+        angles = np.arange(_DIRECTIONS) * (math.tau / _DIRECTIONS)
+        reach = places[..., :1] * np.cos(angles) + places[..., 1:2] * np.sin(angles)
+        outer = np.where(places[..., 2:] <= _ON_GROUND_M, reach, -math.inf).argmax(axis=1)
+        places = np.take_along_axis(places, outer[..., None], axis=1)
+    row, corner = np.nonzero((places[..., 2] <= _ON_GROUND_M) & (rows >= 0)[:, None])
+    return rows[row], places[row, corner]
 
 
 def support_margins(centre_xy: FloatArray, moment: NDArray[np.intp], points_xy: FloatArray) -> FloatArray:
@@ -326,10 +350,10 @@ class FeetMonitor(Monitor):
 class SupportMargin(Feet):
     """The robot's centre of mass stays above the support polygon of its feet, by `at_least` or more from the edge.
 
-    The support polygon is the convex hull of the contact points of all feet on the ground (see `feet_on_ground`), as
-    seen along gravity. The margin is the distance to its nearest edge, negative outside; on two point feet it is at
-    most 0, and without a foot on the ground no limit holds. This is static stability, which says little about a robot
-    that trots. Each `payload` counts, an object that the robot carries does not.
+    The support polygon is the convex hull of the contact points and soles of all feet on the ground (see
+    `feet_on_ground`), as seen along gravity. The margin is the distance to its nearest edge, negative outside; on two
+    point feet it is at most 0, and without a foot on the ground no limit holds. This is static stability, which says
+    little about a robot that trots. Each `payload` counts, an object that the robot carries does not.
     """
 
     key: ClassVar[str] = "support_margin"
@@ -401,7 +425,7 @@ class SupportMonitor(Monitor):
     def _margins(self, trace: Trace) -> FloatArray:
         if not self.footing.is_known(trace):
             return np.full(len(trace), -np.inf)
-        moment, points = self.footing.points(trace)
+        moment, points = self.footing.points(self.model, trace)
         loads: dict[str, FloatArray] = {}
         for load in self.payloads:
             link = load.link or self.model.root

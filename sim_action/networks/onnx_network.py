@@ -127,14 +127,7 @@ def is_installed() -> bool:
 
 
 class Session:
-    """A network that is ready to run: on the processor, in one thread, and silent.
-
-    Attributes:
-        shapes: name of an input -> the shape in which it is given its values; known after `fit`.
-        batch: the number of equal samples in a run: more than 1 if the file declares the number of the training.
-        hidden: inner values that can be NaN while every output is finite, such as the input of ArgMax.
-        blind: operations that hide a NaN of a value inside a subgraph or function, which cannot be an output.
-    """
+    """A network that is ready to run: on the processor, in one thread, and silent."""
 
     def __init__(self, workspace: Workspace, file: str, limit: Callable[[int], None] = lambda _: None) -> None:
         """Open a network. Raise ImportError without onnxruntime, NetworkProblem, PathError, OSError.
@@ -149,6 +142,7 @@ class Session:
         self._data = _data_files(content, Path(file).parent, workspace, limit)
         self.size = len(content) + sum(map(len, self._data.values()))
         selections = _selections(content)
+        # The operations that hide a NaN of a value inside a subgraph or function, which cannot be an output.
         self.blind = sorted(selections.blind)
         if added := selections.watched - selections.outputs:
             limit(2 * self.size)
@@ -176,14 +170,15 @@ class Session:
         except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
         results = {argument.name: _tensor(argument) for argument in self._session.get_outputs()}
+        # The inner values that can be NaN while every output is finite, such as the input of ArgMax.
         self.hidden = [name for name, tensor in results.items() if name in selections.watched and tensor.type in FLOATS]
         self.network = Network(
             {argument.name: _tensor(argument) for argument in self._session.get_inputs()},
             {name: tensor for name, tensor in results.items() if name not in added},
             dict(self._session.get_modelmeta().custom_metadata_map),
         )
-        self.shapes: Mapping[str, tuple[int, ...]] = {}
-        self.batch = 1
+        self.shapes: Mapping[str, tuple[int, ...]] = {}  # name of an input -> the shape of its values, after `fit`
+        self.batch = 1  # equal samples in a run: more than 1 if the file declares the number of the training
 
     def fit(self, feeds: Mapping[str, Feed]) -> Network:
         """Run it once with zeros, and constants, in shapes that fit its inputs. Raise NetworkProblem.

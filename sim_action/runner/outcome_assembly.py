@@ -64,13 +64,7 @@ class _Scenario:
 
 
 class OutcomeAssembly:
-    """A listener that passes events on, and adds `Finished` for each outcome that becomes final.
-
-    Attributes:
-        places: for each run, the index of its outcome in the results.
-        first_turns: for each run, the number of runs before it with the same place.
-        repeat: the number of runs for each scenario and engine.
-    """
+    """A listener that passes events on, and adds `Finished` for each outcome that becomes final."""
 
     def __init__(self, plans: Sequence[Plan], repeat: int, folder: Path, motions: Path | None, emit: Listener) -> None:
         """Take the plan of a call.
@@ -89,8 +83,8 @@ class OutcomeAssembly:
         self._keys: dict[int, dict[int, str | None]] = {}
         # All runs of these places have ended, and their outcomes are final.
         self._final: set[int] = set()
-        self.places: list[int] = []
-        self.first_turns: list[int] = []
+        self.places: list[int] = []  # for each run, the index of its outcome in the results
+        self.first_turns: list[int] = []  # for each run, the number of runs before it with the same place
         place = 0
         for plan in plans:
             if isinstance(plan, Refused):

@@ -137,18 +137,13 @@ class EventKeys(FrozenModel):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """The condition of an event: an assertion, a sim time in s, or another event.
-
-    Attributes:
-        span: the time in s for which it must be true.
-        since: the name of the event from which an assertion is judged; empty: from 0 s on.
-    """
+    """The condition of an event: an assertion, a sim time in s, or another event."""
 
     assertion: Assertion | None = None
     at: float = 0.0
     event: str = ""
-    span: float = 0.0
-    since: str = ""
+    span: float = 0.0  # the time in s for which it must be true
+    since: str = ""  # the name of the event from which an assertion is judged; empty: from 0 s on
 
     @property
     def title(self) -> str:
@@ -161,19 +156,14 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event of a scenario.
-
-    Attributes:
-        places: for each action the index of its disturbance, fault or command source in the scenario; None if it has
-            none.
-        location: of the condition.
-    """
+    """An event of a scenario."""
 
     name: str
     when: Condition
     actions: tuple[Action, ...]
-    location: Location
+    location: Location  # of the condition
     every: bool = False
+    # for each action the index of its disturbance, fault or command source in the scenario; None if it has none
     places: tuple[int | None, ...] = ()
 
     @property

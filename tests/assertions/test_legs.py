@@ -278,7 +278,7 @@ def test_a_foot_stands_on_what_carries_it() -> None:
     standing = footing("ground", "wall", "ramp").standing(seen)
     assert standing.tolist() == [[True, False, True, False], [False, True, False, False]]
     assert footing("box").standing(seen).tolist() == [[False] * 4, [False, True, True, False]]
-    moment, points = footing("ground").points(seen)
+    moment, points = footing("ground").points(replace(scene().model, links=(Link("left", 1), Link("right", 1))), seen)
     assert (moment.tolist(), points[:, 0].tolist()) == ([0, 1], [0.1, 0.2])
     assert footing().is_known(seen)
     assert not footing().is_known(replace(seen, link_contacts={"left": feet["left"]}))

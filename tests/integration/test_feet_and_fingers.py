@@ -23,6 +23,7 @@ from sim_action.state.verdict import Verdict
 from sim_action.world import GRAVITY, World
 from tests.integration.conftest import ACTION
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.mesh_files import fans, stl, wheel
 from tests.physics.robots import collision, inertial, joint, link, robot
 from tests.scenarios import LEAST, load
 from tests.simulated import simulated
@@ -149,6 +150,17 @@ def barely(tmp_path: Path, engine: str, margin: float, **keys: Any) -> tuple[boo
 def test_the_margin_is_the_distance_to_the_nearest_edge(engine: str, aside: float, tmp_path: Path) -> None:
     margin = min(0.15, 0.2 - 5.0 * aside / 5.8)
     assert barely(tmp_path, engine, margin, urdf=table(aside)) == (True, False)
+
+
+@on_every_engine
+@pytest.mark.parametrize("shape", ['<box size="0.2 0.2 0.1"/>', '<mesh filename="disc.stl"/>'])
+def test_the_margin_of_a_flat_foot_is_that_of_its_sole(engine: str, shape: str, tmp_path: Path) -> None:
+    corners, faces = wheel(0.1 / math.cos(math.pi / 16), 0.1)
+    (tmp_path / "disc.stl").write_bytes(stl(corners, fans(faces)))
+    urdf = robot(link("foot_1", inertial(2.0, (0.02, 0.02, 0.02)) + collision(shape)))
+    # PyBullet keeps a box on two corners. Of the 64 corners of the disc, 16 count.
+    (verdict,) = stood(tmp_path, engine, {"support_margin": {"links": ["foot_1"]}}, urdf=urdf).verdicts
+    assert verdict.measured == pytest.approx(0.1, abs=1e-3)
 
 
 @on_every_engine

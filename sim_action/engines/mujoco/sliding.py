@@ -85,18 +85,12 @@ _NOTHING: Final = _Touching([], [], [], lambda _references, _first: (), 0, (), m
 
 
 class SlidingContacts:
-    """Corrects the reference accelerations of contacts between the two halves of each step.
-
-    Attributes:
-        touching: the touching geoms of the last step, and which of their contacts have no rows; empty without contacts.
-        correct: lowers the reference of the normal of each sliding contact, given a live view of `efc_aref`; called
-            after all changes of friction rows.
-        forget: makes it look up the friction of all contacts again.
-    """
+    """Corrects the reference accelerations of contacts between the two halves of each step."""
 
     def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._yields = math.hypot(*compiled.model.opt.gravity) * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE
+        # The touching geoms of the last step, and which of their contacts have no rows; empty without contacts.
         self.touching = b""
         actors = enumerate(compiled.actors.values(), start=1)
         # Geom of another robot -> the number of the robot; and the geoms that never move.
@@ -106,6 +100,8 @@ class SlidingContacts:
         self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> a live view of their geoms and of which have no rows.
         self._live: dict[int, memoryview] = {}
+        # `correct` lowers the reference of the normal of each sliding contact, given a live view of `efc_aref`, after
+        # all changes of friction rows; `forget` makes it look up the friction of all contacts again.
         self.correct, self.forget = self._corrector()
 
     def _corrector(self) -> tuple[Callable[[memoryview[float]], None], Callable[[], None]]:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from itertools import product
 from types import ModuleType
 from typing import Any, Final
 from weakref import WeakKeyDictionary
@@ -112,11 +114,14 @@ def _contains(outer: Box, inner: Box) -> bool:
     )
 
 
+@cache
 def shape_points(shape: Shape) -> NDArray[np.float64]:
-    """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
+    """Return the corners (P, 3) of a box, or of the hulls of a mesh, in m, in the frame of its link."""
     from sim_action.meshes.collision_hulls import read_unshrunk_points  # a usual run does without it
 
-    if shape.corners:
+    if shape.kind == "box":
+        points = np.array([*product(*zip(shape.lower_xyz, shape.upper_xyz, strict=True))])
+    elif shape.corners:
         points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
     else:
         points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))

@@ -86,16 +86,12 @@ class CsvFiles:
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """The columns of a CSV file, and its first rows with the numbers of their lines; it has no empty rows at the end.
-
-    Attributes:
-        is_whole: True if there are no further rows.
-    """
+    """The columns of a CSV file, and its first rows with the numbers of their lines; no empty rows at the end."""
 
     name: str
     columns: tuple[str, ...]
     rows: tuple[tuple[int, list[str]], ...]
-    is_whole: bool
+    is_whole: bool  # True if there are no further rows
 
     @classmethod
     def of(cls, name: str, data: bytes) -> _Table:
