@@ -28,7 +28,7 @@ if __name__ == "__main__":
     sys.modules["sim_action"] = ModuleType("sim_action")
     sys.modules["sim_action"].__path__ = [str(Path(__file__).resolve().parents[2])]
 
-from sim_action.ros.ros2.bridge_frames import Frames, array_in, part_of
+from sim_action.ros.ros2.bridge_frames import Frames
 
 Json = dict[str, Any]
 _POLL_S = 0.002
@@ -47,7 +47,7 @@ def _message_class(name: str) -> Any:
     return getattr(import_module(f"{package}.msg"), kind.rpartition("/")[2])
 
 
-_fillers: dict[str, list[tuple[str, Callable[[Any, memoryview], Any]]]] = {}
+_fillers: dict[str, list[tuple[str, Callable[[Any], Any]]]] = {}
 
 
 def _fields_of(kind: Any) -> dict[str, str]:
@@ -55,28 +55,28 @@ def _fields_of(kind: Any) -> dict[str, str]:
     return fields
 
 
-def _filled(kind: Any, name: str, data: Json, blob: memoryview) -> Any:
+def _filled(kind: Any, name: str, data: Json) -> Any:
     """Return a message with the fields of a dict; fields that it lacks keep their defaults."""
     if name not in _fillers:
         _fillers[name] = [(field, _filler(spelled)) for field, spelled in _fields_of(kind).items()]
     message = kind()
     for field, made in _fillers[name]:
         if field in data:
-            setattr(message, field, made(data[field], blob))
+            setattr(message, field, made(data[field]))
     return message
 
 
-def _filler(spelled: str) -> Callable[[Any, memoryview], Any]:
+def _filler(spelled: str) -> Callable[[Any], Any]:
     """Return a function that makes the value of a field of a type from plain data."""
     element, is_sequence, length = _parsed(spelled)
     if element in _NUMBERS and (is_sequence or length):
         code = _NUMBERS[element]
         if length:
-            return lambda value, blob: _numpy(_numbers(code, value, blob))
-        return lambda value, blob: _numbers(code, value, blob)
+            return lambda value: _numpy(_numbers(code, value))
+        return lambda value: _numbers(code, value)
     one = _single(element)
     if is_sequence or length:
-        return lambda value, blob: [one(entry, blob) for entry in value]
+        return lambda value: [one(entry) for entry in value]
     return one
 
 
@@ -90,25 +90,24 @@ def _parsed(spelled: str) -> tuple[str, bool, int]:
     return spelled, False, 0
 
 
-def _single(element: str) -> Callable[[Any, memoryview], Any]:
+def _single(element: str) -> Callable[[Any], Any]:
     if element in ("float", "double"):
-        return lambda value, _: float(value)
+        return float
     if element in _INTEGERS:
-        return lambda value, _: int(value)
+        return int
     if element == "boolean":
-        return lambda value, _: bool(value)
+        return bool
     if element == "octet":
-        return lambda value, _: bytes([value])
+        return lambda value: bytes([value])
     if element.startswith(("string", "wstring")):
-        return lambda value, _: str(value)
+        return str
     kind = _message_class(element)
-    return lambda value, blob: _filled(kind, element, value, blob)
+    return lambda value: _filled(kind, element, value)
 
 
-def _numbers(code: str, value: Any, blob: memoryview) -> Any:
+def _numbers(code: str, value: Any) -> Any:
     """Return an array of numbers; the setters of messages take one of the right type without a look at each."""
-    numbers = array_in(value, blob)
-    return numbers if isinstance(numbers, array) and numbers.typecode == code else array(code, numbers)
+    return value if isinstance(value, array) and value.typecode == code else array(code, value)
 
 
 def _numpy(numbers: Any) -> Any:
@@ -117,27 +116,13 @@ def _numpy(numbers: Any) -> Any:
     return np.frombuffer(numbers, dtype=numbers.typecode)
 
 
-class _Plain:
-    """Turns messages into plain data, and their arrays of numbers into parts of one blob."""
-
-    def __init__(self) -> None:
-        self.blob = bytearray()
-
-    def of(self, message: Any) -> Json:
-        return {field: self._value(getattr(message, field)) for field in _fields_of(message)}
-
-    def _value(self, value: Any) -> Any:
-        if isinstance(value, (bool, int, float, str)):
-            return value
-        if isinstance(value, array):
-            return part_of(self.blob, value.typecode, len(value), value.tobytes())
-        if hasattr(value, "get_fields_and_field_types"):
-            return self.of(value)
-        if isinstance(value, bytes):
-            return value[0] if len(value) == 1 else list(value)
-        if hasattr(value, "dtype"):
-            return part_of(self.blob, value.dtype.char, value.size, value.tobytes())
-        return [self._value(entry) for entry in value]
+def _plain(value: Any) -> Any:
+    """Return a message, or a value in one, as plain data."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {field: getattr(value, field) for field in _fields_of(value)}
+    if isinstance(value, bytes):
+        return value[0] if len(value) == 1 else list(value)
+    return array(value.dtype.char, value.tobytes()) if hasattr(value, "dtype") else list(value)
 
 
 class _Bridge:
@@ -180,23 +165,22 @@ class _Bridge:
             "subscriptions": [subscription.get_publisher_count() for subscription in self._subscriptions],
         }
 
-    def publish(self, request: Json, blob: memoryview) -> None:
+    def publish(self, request: Json) -> None:
         """Publish a message."""
         publisher, kind, name = self._publishers[request["number"]]
-        publisher.publish(_filled(kind, name, request["message"], blob))
+        publisher.publish(_filled(kind, name, request["message"]))
 
-    def take(self, request: Json) -> tuple[Json, bytes]:
+    def take(self, request: Json) -> Json:
         """Return all messages since the last time, one topic after the other: no order of topics is fixed."""
         messages = []
-        plain = _Plain()
         for number, subscription in enumerate(self._subscriptions):
             while (taken := _taken(subscription)) is not None:
                 message = taken[0]
                 least = self._least[number]
                 if least is None or getattr(message, least[0]) >= least[1]:
-                    messages.append((number, plain.of(message)))
+                    messages.append((number, message))
         clocks = [self._publishers[number][0].get_subscription_count() for number in request["clocks"]]
-        return {"messages": messages, "clocks": clocks}, bytes(plain.blob)
+        return {"messages": messages, "clocks": clocks}
 
     def graph(self, request: Json) -> Json:
         """Return the names of nodes, and who publishes and subscribes to topics."""
@@ -287,21 +271,15 @@ def _demands(qos: Any) -> list[str]:
 
 def main(descriptor: int) -> None:
     """Answer requests until the parent closes its end."""
-    frames = Frames(socket.socket(fileno=descriptor))
-    request, blob = frames.receive()
-    bridge = _Bridge(request)
+    frames = Frames(socket.socket(fileno=descriptor), _plain)
+    bridge = _Bridge(frames.receive())
     about = {"rmw": get_rmw_implementation_identifier(), "distribution": os.environ.get("ROS_DISTRO", "")}
     frames.send(about)
     try:
         while True:
-            request, blob = frames.receive()
-            kind = request["op"]
-            if kind == "publish":
-                bridge.publish(request, blob)
-            elif kind == "take":
-                frames.send(*bridge.take(request))
-            else:
-                frames.send(getattr(bridge, kind)(request))
+            request = frames.receive()
+            if (answer := getattr(bridge, request["op"])(request)) is not None:
+                frames.send(answer)
     except EOFError:
         bridge.close()
 

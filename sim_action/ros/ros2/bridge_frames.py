@@ -10,26 +10,44 @@ import json
 import socket
 import struct
 from array import array
+from collections.abc import Callable
 from typing import Any
 
 _LENGTH = struct.Struct("!I")
 
 
 class Frames:
-    """One end of the socket."""
+    """One end of the socket; `plain`: returns the plain data of an object that is none."""
 
-    def __init__(self, end: socket.socket) -> None:
-        self.socket = end
+    def __init__(self, end: socket.socket, plain: Callable[[Any], Any] = list) -> None:
+        self.socket, self._plain = end, plain
 
-    def send(self, content: Any, blob: bytes = b"") -> None:
-        """Send a frame. Raises OSError."""
-        text = json.dumps(content).encode()
+    def send(self, content: Any) -> int:
+        """Send a frame, and return the bytes of its arrays. Raises OSError."""
+        blob = bytearray()
+
+        def packed(value: Any) -> Any:
+            if not isinstance(value, array):
+                return self._plain(value)
+            blob.extend(value.tobytes())
+            return {"$array": value.typecode, "at": len(blob) - len(value) * value.itemsize, "count": len(value)}
+
+        text = json.dumps(content, default=packed).encode()
         self.socket.sendall(_LENGTH.pack(len(text)) + text + _LENGTH.pack(len(blob)) + blob)
+        return len(blob)
 
-    def receive(self) -> tuple[Any, memoryview]:
-        """Return the content and the blob of the next frame. Raises EOFError if the other end is closed."""
-        text = self._part()
-        return json.loads(text), memoryview(self._part())
+    def receive(self) -> Any:
+        """Return the content of the next frame. Raises EOFError if the other end is closed."""
+        text, blob = self._part(), memoryview(self._part())
+
+        def unpacked(value: dict[str, Any]) -> Any:
+            if "$array" not in value:
+                return value
+            numbers = array(value["$array"])
+            numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
+            return numbers
+
+        return json.loads(text, object_hook=unpacked)
 
     def _part(self) -> bytes:
         (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size))
@@ -47,19 +65,3 @@ class Frames:
             parts.append(part)
             left -= len(part)
         return b"".join(parts)
-
-
-def part_of(blob: bytearray, code: str, count: int, content: bytes) -> dict[str, Any]:
-    """Add numbers to a blob, and return their description; `code`: their type, as `array` has it."""
-    at = len(blob)
-    blob += content
-    return {"$array": code, "at": at, "count": count}
-
-
-def array_in(value: Any, blob: memoryview) -> Any:
-    """Return a value with the numbers of a part of the blob in place of their description."""
-    if isinstance(value, dict) and "$array" in value:
-        numbers = array(value["$array"])
-        numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
-        return numbers
-    return value

@@ -17,14 +17,13 @@ The requests, by their key `op`:
 from __future__ import annotations
 
 import socket
-from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from sim_action.core.records import dataclass
 from sim_action.ros.messages import Message
-from sim_action.ros.ros2.bridge_frames import Frames, array_in, part_of
+from sim_action.ros.ros2.bridge_frames import Frames
 from sim_action.ros.ros2.graph import OF_ALL_NODES, USUAL, Graph, Qos, TopicEnd
 from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 
@@ -67,18 +66,16 @@ class Bridge:
     def await_start(self) -> str:
         """Wait until it is up, and return the RMW. Raises BridgeEnded."""
         if not self._rmw:
-            answer, _ = self._receive()
-            self._rmw = answer["rmw"]
+            self._rmw = self._receive()["rmw"]
         return self._rmw
 
     def known_types(self, names: Iterable[str]) -> frozenset[str]:
         """Return the types whose packages are installed. Raises BridgeEnded."""
-        answer, _ = self._ask(op="types", names=list(names))
-        return frozenset(answer["types"])
+        return frozenset(self._ask(op="types", names=list(names))["types"])
 
     def matched(self) -> tuple[list[int], list[int]]:
         """Return the number of connected ends of each publisher, and of each subscription. Raises BridgeEnded."""
-        answer, _ = self._ask(op="matched")
+        answer = self._ask(op="matched")
         return answer["publishers"], answer["subscriptions"]
 
     def open(self, publishers: Sequence[Endpoint], subscriptions: Sequence[Endpoint]) -> int:
@@ -91,21 +88,19 @@ class Bridge:
 
     def publish(self, number: int, message: Message) -> int:
         """Publish a message by the publisher with a number; return the bytes of its arrays. Raises BridgeEnded."""
-        blob = bytearray()
-        self._send({"op": "publish", "number": number, "message": _packed(message, blob)}, bytes(blob))
-        return len(blob)
+        return self._send({"op": "publish", "number": number, "message": message})
 
     def take(self, clocks: Sequence[int]) -> tuple[list[tuple[int, Message]], list[int]]:
         """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded.
 
         The second list has the number of subscriptions of each of the publishers `clocks`.
         """
-        answer, blob = self._ask(op="take", clocks=list(clocks))
-        return [(number, _unpacked(message, blob)) for number, message in answer["messages"]], answer["clocks"]
+        answer = self._ask(op="take", clocks=list(clocks))
+        return [(number, message) for number, message in answer["messages"]], answer["clocks"]
 
     def graph(self, topics: Iterable[str]) -> Graph:
         """Return the nodes that are up, with the ends of some topics. Raises BridgeEnded."""
-        answer, _ = self._ask(op="graph", topics=list(topics))
+        answer = self._ask(op="graph", topics=list(topics))
         own = f"/{_NAME}"
         ends = (
             {
@@ -123,25 +118,26 @@ class Bridge:
 
     def parameters(self, nodes: Iterable[str], name: str, within: float) -> Mapping[str, bool | None]:
         """Return a parameter of each node that answers within some s of wall time. Raises BridgeEnded."""
-        answer, _ = self._ask(op="parameters", nodes=list(nodes), name=name, within=within)
-        values: dict[str, bool | None] = answer["values"]
+        values: dict[str, bool | None] = self._ask(op="parameters", nodes=list(nodes), name=name, within=within)[
+            "values"
+        ]
         return values
 
     def close(self) -> None:
         """Close the socket, at which the bridge ends."""
         self._frames.socket.close()
 
-    def _ask(self, **request: Any) -> tuple[Any, memoryview]:
+    def _ask(self, **request: Any) -> Any:
         self._send(request)
         return self._receive()
 
-    def _send(self, request: Mapping[str, Any], blob: bytes = b"") -> None:
+    def _send(self, request: Mapping[str, Any]) -> int:
         try:
-            self._frames.send(request, blob)
+            return self._frames.send(request)
         except OSError as error:
             raise BridgeEnded(str(error)) from None
 
-    def _receive(self) -> tuple[Any, memoryview]:
+    def _receive(self) -> Any:
         try:
             return self._frames.receive()
         except TimeoutError:
@@ -152,22 +148,3 @@ class Bridge:
 
 def _plain(endpoint: Endpoint) -> dict[str, Any]:
     return {"topic": endpoint.topic, "type": endpoint.type, "qos": endpoint.qos.as_dict(), "least": endpoint.least}
-
-
-def _packed(value: Any, blob: bytearray) -> Any:
-    """Return plain data for JSON; arrays of numbers go into the blob."""
-    if isinstance(value, dict):
-        return {key: _packed(entry, blob) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_packed(entry, blob) for entry in value]
-    if isinstance(value, array):
-        return part_of(blob, value.typecode, len(value), value.tobytes())
-    if isinstance(value, bytes):
-        return part_of(blob, "B", len(value), value)
-    return value
-
-
-def _unpacked(value: Any, blob: memoryview) -> Any:
-    if isinstance(value, dict) and "$array" not in value:
-        return {key: _unpacked(entry, blob) for key, entry in value.items()}
-    return [_unpacked(entry, blob) for entry in value] if isinstance(value, list) else array_in(value, blob)
