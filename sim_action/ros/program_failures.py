@@ -6,7 +6,7 @@ The reason is found in the output: an exception, a crash, or the error that was 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from signal import Signals
 from typing import Final
@@ -62,8 +62,13 @@ def exit_text(code: int) -> str:
 
 def traceback_location(text: str, workspace: Path) -> Location | None:
     """Return the innermost place of a traceback that is in the workspace."""
+    return last_location([(file, int(line)) for file, line, _ in _FRAME.findall(text)], workspace)
+
+
+def last_location(places: Sequence[tuple[str, int]], workspace: Path) -> Location | None:
+    """Return the last of some places, (file, line), that is in the workspace; a line of 0 is not known."""
     root = workspace.resolve()
-    for file, line, _ in reversed(_FRAME.findall(text)):
+    for file, line in reversed(places):
         if file.startswith("<"):  # such as <frozen os>, which is no file
             continue
         try:
@@ -71,7 +76,7 @@ def traceback_location(text: str, workspace: Path) -> Location | None:
         except (OSError, ValueError, RuntimeError):  # too long, with a NUL, or links in a circle
             continue
         if path.is_relative_to(root):
-            return Location(shown_file(path), int(line))
+            return Location(shown_file(path), line or None)
     return None
 
 
@@ -118,6 +123,14 @@ def _endings(output: str, directory: Path) -> Iterator[Ending]:
 
 def _place(frames: str, directory: Path) -> Location | None:
     return traceback_location(_OF_ROS.sub("", frames), directory)
+
+
+def node_error(node: str, code: int, output: str, directory: Path) -> ScriptError:
+    """Return the error for a node that has ended; `directory`: the folder of the user's code."""
+    if not code:
+        return error_with_output(f"{node} finished during the run, and it is required", output)
+    ending = ending_of(output, directory)
+    return error_with_output(f"{node} ended with {exit_text(code)}{ending.said}", output, ending.location)
 
 
 def error_with_output(message: str, output: str, location: Location | None = None) -> ScriptError:

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim_action.commands import ClosedLoop
-from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
+from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line, shortened
 from sim_action.core.workspace import Workspace
-from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros import node_start
 from sim_action.ros.messages import Message
-from sim_action.ros.program_failures import ending_of, exit_text
+from sim_action.ros.program_failures import ending_of, exit_text, last_location
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
@@ -99,14 +98,10 @@ class LoggedErrors:
         times = self._times[source]
         kind = "a fatal error" if source.level >= _FATAL else "an error"
         often = f" {times} times, first" if times > 1 else ""
-        where = f" ({place})" if (place := self._location(source)) else ""
+        is_known = Path(source.file).is_absolute()
+        place = last_location([(source.file, source.line)], self._directory) if is_known else None
+        where = f" ({place})" if place else ""
         return escaped_line(f"the node '{source.node}' logged {kind}{often} {self._first[source][1]}{where}")
-
-    def _location(self, source: _Source) -> Location | None:
-        path = Path(source.file)
-        if not source.file or not path.is_absolute() or not path.resolve().is_relative_to(self._directory.resolve()):
-            return None
-        return Location(shown_file(path.resolve()), source.line)
 
 
 def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Final, Self
 import yaml
 from typing_extensions import override
 
-from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.errors import SourceProblem
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import plain_data
 from sim_action.ros import node_start
-from sim_action.ros.program_failures import Ending, ending_of, error_with_output, exit_text
+from sim_action.ros.program_failures import node_error
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
 from sim_action.ros.ros2.node_processes import Node, NodeGroup, NodeProcess, ProcessFolder
@@ -150,7 +150,7 @@ class ListedNodes(NodeGroup):
         for process, is_required in zip(self._started, self._required, strict=True):
             code = process.exit_code()
             if code or (code == 0 and is_required):
-                raise node_error(process, code, self._directory)
+                raise node_error(f"the node '{process.label}'", code, process.text(), self._directory)
 
 
 def _start_node(
@@ -176,17 +176,6 @@ def _start_node(
         path.write_text(parameter_file(node.parameters), encoding="utf-8")
         words += ["--params-file", str(path)]
     return folder.start(f"{space}/{node.called}".lstrip("/"), [*words, "-p", "use_sim_time:=true"], stdin=node.stdin)
-
-
-def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
-    """Return the error for a node that has ended; `directory`: the folder of the user's code."""
-    text = process.text()
-    how = "finished during the run, and it is required"
-    ending = Ending()
-    if code:
-        how = f"ended with {exit_text(code)}"
-        ending = ending_of(text, directory)
-    return error_with_output(f"the node '{process.label}' {how}{ending.said}", text, ending.location)
 
 
 class _QuotingDumper(yaml.SafeDumper):

@@ -24,16 +24,15 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import yaml
 from typing_extensions import override
 
-from sim_action.core.errors import ControllersFinished, Location, ScriptError, SourceProblem
+from sim_action.core.errors import ControllersFinished, ScriptError, SourceProblem
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.launches import EventFile
 from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
 from sim_action.ros.processes import descendants
-from sim_action.ros.program_failures import ending_of, error_with_output, exit_text
+from sim_action.ros.program_failures import error_with_output, exit_text, last_location, node_error
 from sim_action.ros.ros2.lockstep import clock_of
 from sim_action.ros.ros2.node_processes import LaunchedProcess, Node, NodeGroup
 
@@ -156,7 +155,6 @@ class LaunchedNodes(NodeGroup):
         """Start the launcher, and return at once. Raise ScriptError."""
         self._spec = spec
         self.topics = spec.topics
-        self._errors = LaunchErrors(spec.workspace)
         self._events = EventFile(folder.path / "events", Event)
         self._times = folder.path / "times"
         os.mkfifo(self._times)
@@ -237,7 +235,7 @@ class LaunchedNodes(NodeGroup):
         if code is not None and self._spec.results:
             raise ControllersFinished("the test has finished")
         if code is not None:
-            raise self._errors.of_end(code, self._launcher.text())
+            raise end_error(code, self._launcher.text())
 
     @override
     def close(self) -> None:
@@ -290,15 +288,16 @@ class LaunchedNodes(NodeGroup):
         """Raise ScriptError for an event that ends the run; ControllersFinished at the end of a launch test."""
         output = self._launcher.text()
         if event.event == "refused":
-            raise self._errors.of_refusal(event, output)
+            raise refusal_error(event, output, self._spec.workspace)
         if event.event == "shutdown" and self._spec.results is None:
-            raise self._errors.of_shutdown(event, output)
+            raise error_with_output(f"the launch file ended the launch during the run: {event.message}", output)
         if event.event == "shutdown":
             self._has_finished = True
             raise ControllersFinished("the test has finished")
         # A launch test judges the exit codes of its processes itself.
         if event.event == "died" and event.exit_code and self._spec.results is None:
-            raise self._errors.of_death(event, output)
+            node, text = f"the node '{event.process}' of the launch file", text_of(event.process, output)
+            raise node_error(node, event.exit_code, f"{text}\n", self._spec.workspace)
 
 
 class Event(FrozenModel):
@@ -328,46 +327,21 @@ class Event(FrozenModel):
     places: tuple[tuple[str, int], ...] = ()
 
 
-class LaunchErrors:
-    """Makes errors from events; `workspace`: the folder of the user's own code."""
+def refusal_error(event: Event, output: str, workspace: Path) -> ScriptError:
+    """Return the error for a launch file that cannot be run as it is written, at its place in the user's code."""
+    why = f"the launch file cannot be run: {_why_refused(event)}"
+    return error_with_output(why, output, last_location(event.places, workspace))
 
-    def __init__(self, workspace: Path) -> None:
-        self._workspace = workspace.resolve()
 
-    def of_refusal(self, event: Event, output: str) -> ScriptError:
-        """Return the error for a launch file that cannot be run as it is written."""
-        why = f"the launch file cannot be run: {_why_refused(event)}"
-        return error_with_output(why, output, self._place(event))
-
-    def of_death(self, event: Event, output: str) -> ScriptError:
-        """Return the error for a process that has failed."""
-        code = event.exit_code
-        text = text_of(event.process, output)
-        ending = ending_of(f"{text}\n", self._workspace)
-        how = f"ended with {exit_text(code)}{ending.said}"
-        return error_with_output(f"the node '{event.process}' of the launch file {how}", text, ending.location)
-
-    def of_shutdown(self, event: Event, output: str) -> ScriptError:
-        """Return the error for a launch that its own actions have ended."""
-        return error_with_output(f"the launch file ended the launch during the run: {event.message}", output)
-
-    def of_end(self, exit_code: int, output: str) -> ScriptError:
-        """Return the error for a launcher that ended without an event."""
-        if missing := _NO_MODULE.search(output):
-            return error_with_output(
-                f"launch files need the Python package '{missing[1]}' of ROS 2, which this ROS 2 lacks (the wheels on "
-                "PyPI have none): use ROS 2 of /opt/ros or RoboStack, or list the nodes under 'nodes'",
-                output,
-            )
-        return error_with_output(f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it", output)
-
-    def _place(self, event: Event) -> Location | None:
-        """Return the innermost place in the user's code that led to a refusal."""
-        for file, line in reversed(event.places):
-            path = Path(file).resolve()
-            if path.is_relative_to(self._workspace):
-                return Location(shown_file(path), line or None)
-        return None
+def end_error(exit_code: int, output: str) -> ScriptError:
+    """Return the error for a launcher that ended without an event."""
+    why = f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it"
+    if missing := _NO_MODULE.search(output):
+        why = (
+            f"launch files need the Python package '{missing[1]}' of ROS 2, which this ROS 2 lacks (the wheels on PyPI "
+            "have none): use ROS 2 of /opt/ros or RoboStack, or list the nodes under 'nodes'"
+        )
+    return error_with_output(why, output)
 
 
 def lost_controller(name: str, program: LeftOutProgram, command_topics: Collection[str]) -> str | None:

@@ -9,8 +9,16 @@ import pytest
 
 from sim_action.ros.launches import EventFile
 from sim_action.ros.lost_parts import LeftOutProgram
+from sim_action.ros.program_failures import node_error
 from sim_action.ros.ros2.installation import packages_of_prefix
-from sim_action.ros.ros2.launch.launched_nodes import Event, LaunchErrors, text_of, unheard_bridges, write_prefix
+from sim_action.ros.ros2.launch.launched_nodes import (
+    Event,
+    end_error,
+    refusal_error,
+    text_of,
+    unheard_bridges,
+    write_prefix,
+)
 
 REFUSED = "the launch file cannot be run: "
 ELSE = "; add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy"
@@ -47,17 +55,17 @@ ELSE = "; add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy
     ],
 )
 def test_why_a_launch_file_cannot_be_run(tmp_path: Path, about: dict[str, Any], message: str) -> None:
-    error = LaunchErrors(tmp_path).of_refusal(Event(event="refused", **about), "all output")
+    error = refusal_error(Event(event="refused", **about), "all output", tmp_path)
     assert str(error) == REFUSED + message
     assert error.details == "all output"
 
 
 def test_the_place_is_the_innermost_one_in_the_workspace(tmp_path: Path) -> None:
     places = (("/opt/launch.py", 1), (str(tmp_path / "a.launch.py"), 7), ("/opt/other.py", 9))
-    error = LaunchErrors(tmp_path).of_refusal(Event(event="refused", kind="KeyError", places=places), "")
+    error = refusal_error(Event(event="refused", kind="KeyError", places=places), "", tmp_path)
     assert error.location is not None
     assert (Path(error.location.file).name, error.location.line) == ("a.launch.py", 7)
-    assert LaunchErrors(tmp_path).of_refusal(Event(event="refused", places=places[:1]), "").location is None
+    assert refusal_error(Event(event="refused", places=places[:1]), "", tmp_path).location is None
 
 
 def test_a_process_that_fails_is_named_with_its_exception(tmp_path: Path) -> None:
@@ -66,22 +74,17 @@ def test_a_process_that_fails_is_named_with_its_exception(tmp_path: Path) -> Non
         "[mover-1] Traceback (most recent call last):\n"
         f'[mover-1]   File "{tmp_path}/mover.py", line 7, in on_timer\n[mover-1] ValueError: no plan\n'
     )
-    errors = LaunchErrors(tmp_path)
-    error = errors.of_death(Event(event="died", process="mover-1", exit_code=1), output)
-    assert str(error) == "the node 'mover-1' of the launch file ended with exit code 1: ValueError: no plan"
+    error = node_error("the node 'mover-1'", 1, text_of("mover-1", output), tmp_path)
+    assert str(error) == "the node 'mover-1' ended with exit code 1: ValueError: no plan"
     assert error.location is not None
     assert error.location.line == 7
-    killed = errors.of_death(Event(event="died", process="mover-1", exit_code=-9), "")
-    assert str(killed) == "the node 'mover-1' of the launch file ended with SIGKILL"
+    assert str(node_error("the node 'mover-1'", -9, "", tmp_path)) == "the node 'mover-1' ended with SIGKILL"
     assert text_of("other-2", output) == "Traceback (most recent call last):\nKeyError: 1"
 
 
-def test_ends_of_the_launch(tmp_path: Path) -> None:
-    errors = LaunchErrors(tmp_path)
-    shutdown = errors.of_shutdown(Event(event="shutdown", message="mover is required"), "")
-    assert str(shutdown) == "the launch file ended the launch during the run: mover is required"
-    assert str(errors.of_end(-9, "")) == "the launcher ended with SIGKILL, and its nodes ended with it"
-    missing = errors.of_end(1, "Traceback\nModuleNotFoundError: No module named 'launch'\n")
+def test_ends_of_the_launch() -> None:
+    assert str(end_error(-9, "")) == "the launcher ended with SIGKILL, and its nodes ended with it"
+    missing = end_error(1, "Traceback\nModuleNotFoundError: No module named 'launch'\n")
     assert str(missing).startswith("launch files need the Python package 'launch' of ROS 2, which this ROS 2 lacks")
 
 
