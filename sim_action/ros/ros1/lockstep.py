@@ -48,7 +48,7 @@ def _ignore_ended(_: frozenset[int]) -> None:
 class Lockstep:
     """The lock-step: holds the clock until all nodes wait; `node`: our own name among them.
 
-    `launcher`: the process that starts nodes. `listener_count`: returns the number of nodes connected to our clock.
+    `launcher`: the process that starts nodes. `listeners`: returns the current connections of nodes to our clock.
     `gone`: called with the ids of the launcher's processes that have ended.
     `newcomers_within`: s of wall time that processes may take to become nodes. `not_reproducible`: reasons why another
     run may differ, each with the name of a node.
@@ -60,14 +60,14 @@ class Lockstep:
         node: str,
         launcher: int,
         is_shutdown: Callable[[], bool],
-        listener_count: Callable[[], int],
+        listeners: Callable[[], frozenset[object]],
         *,
         gone: Callable[[frozenset[int]], None] = _ignore_ended,
         newcomers_within: float = MAX_SETTLE_S,
     ) -> None:
         self._master, self._node, self._is_shutdown = master, node, is_shutdown
-        self._listener_count, self._gone, self._newcomers_within = listener_count, gone, newcomers_within
-        self._listeners = 0
+        self._current_listeners, self._gone, self._newcomers_within = listeners, gone, newcomers_within
+        self._listeners = frozenset[object]()
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._launcher = ChildProcesses(launcher)
         self._siblings: frozenset[int] = frozenset()
@@ -106,7 +106,7 @@ class Lockstep:
             self._end_if_over()
             time.sleep(_POLL_S)
         self.settle(0.0)
-        self._listeners = self._listener_count()
+        self._listeners = self._current_listeners()
 
     def deliver(self, seconds: float, deliveries: Iterable[Callable[[], None]]) -> None:
         """Deliver messages one by one, and wait after each until no node has work left at a sim time.
@@ -123,8 +123,8 @@ class Lockstep:
                 self.settle(seconds)
         if not is_settled:
             self.settle(seconds)
-        before, self._listeners = self._listeners, self._listener_count()
-        if self._listeners < before:
+        before, self._listeners = self._listeners, self._current_listeners()
+        if before - self._listeners:
             # A node that leaves disconnects first, and then ends by the wall clock.
             self.await_leavers()
             self.settle(seconds)

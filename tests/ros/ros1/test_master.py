@@ -136,6 +136,19 @@ def test_a_master_that_is_busy_is_waited_for(master: Ros, asking: Master) -> Non
     going_on.join()
 
 
+def test_a_node_that_leaves_while_another_one_connects_is_awaited(
+    asking: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connections = iter([{"leaver"}, {"newcomer"}])
+    awaited: list[bool] = []
+    clock = lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: frozenset(next(connections)))
+    monkeypatch.setattr(clock, "await_leavers", lambda: awaited.append(True))
+    clock.deliver(0.0, ())
+    assert not awaited
+    clock.deliver(0.01, ())
+    assert awaited
+
+
 @contextmanager
 def posing(pid: int) -> Iterator[str]:
     """The address of a node that answers as a process, and is connected to nothing."""
@@ -149,7 +162,7 @@ def posing(pid: int) -> Iterator[str]:
 
 
 def lockstep_of(asking: Master) -> lockstep.Lockstep:
-    return lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: 0, newcomers_within=0.2)
+    return lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, frozenset, newcomers_within=0.2)
 
 
 def test_a_clock_that_starts_although_a_node_is_not_connected_is_not_reproducible(

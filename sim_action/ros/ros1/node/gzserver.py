@@ -103,7 +103,7 @@ class _Server:
             name,
             os.getppid(),
             rospy.is_shutdown,
-            lambda: topics.subscriber_count,
+            lambda: topics.listeners,
         )
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()

@@ -83,7 +83,7 @@ class RobotNode:
             NAME,
             nodes.launcher,
             rospy.is_shutdown,
-            lambda: self._states.subscriber_count,
+            lambda: self._states.listeners,
             gone=nodes.await_exits,
             newcomers_within=spec.start_within,
         )

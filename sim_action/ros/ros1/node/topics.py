@@ -122,9 +122,9 @@ class Publisher:
             self._publisher = rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)
 
     @property
-    def subscriber_count(self) -> int:
-        """The number of connected subscribers. rospy notices a closed connection only after two writes."""
-        return sum(map(_is_there, tuple(self._publisher.impl.connections)))
+    def connections(self) -> frozenset[object]:
+        """The connections to subscribers. rospy notices a closed connection only after two writes."""
+        return frozenset(filter(_is_there, tuple(self._publisher.impl.connections)))
 
     @property
     def has_subscribers(self) -> bool:
@@ -222,9 +222,9 @@ class GazeboTopics:
         self._links = Publisher(rospy.resolve_name("~link_states"), LinkStates, traffic)
 
     @property
-    def subscriber_count(self) -> int:
-        """The number of nodes that subscribe to the clock."""
-        return self._clock.subscriber_count
+    def listeners(self) -> frozenset[object]:
+        """The connections of nodes to the clock."""
+        return self._clock.connections
 
     @property
     def has_link_subscribers(self) -> bool:
