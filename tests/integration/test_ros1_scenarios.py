@@ -41,6 +41,18 @@ NODES = {
     "misled.py": f'{DRIVE}\nrospy.init_node("misled")\ndrive(topic="/cmd_vell")\n',
     "lost.py": f'{DRIVE}\nrospy.init_node("lost")\ndrive(speed=float("nan"))\n',
     "done.py": f'{HEAD}\nrospy.init_node("done")\nrospy.sleep(0.3)\n',
+    "deaf.py": f"""{DRIVE}
+from nav_msgs.msg import Odometry
+rospy.init_node("deaf")
+rospy.Subscriber("/joint_states", Odometry, lambda message: None)
+drive(lambda: None)
+""",
+    "stamped.py": f"""{HEAD}
+from geometry_msgs.msg import TwistStamped
+rospy.init_node("stamped")
+rospy.Publisher("/cmd_vel", TwistStamped, queue_size=1)
+rospy.spin()
+""",
     "importer.py": f"{HEAD}\nimport no_such_module\n",
     "sleeper.py": f"{HEAD}\nimport time\ntime.sleep(600)\n",
 }
@@ -150,6 +162,22 @@ def test_parts_of_a_launch_file_that_a_scenario_does_not_replace_are_an_error_un
     told = [warning["message"] for warning in outcome["warnings"] if warning["rule"] == "not-simulated"]
     assert [message.startswith(each) for message, each in zip(told, lost, strict=True)] == [True] * 3
     assert [note for note in outcome["notes"] if "gazebo_ros/spawn_model, controller_manager/spawner" in note]
+
+
+def test_a_subscriber_of_another_type_is_named_with_both_types_and_not_waited_for(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/deaf.py]}")
+    code, outcome = ran(tmp_path)
+    assert (code, outcome["status"], outcome["warnings"]) == (0, "passed", [])
+    subscribes = "the node 'deaf' subscribes to /joint_states as nav_msgs/Odometry"
+    assert f"{subscribes}, but the robot publishes sensor_msgs/JointState" in outcome["notes"]
+
+
+def test_a_publisher_of_commands_of_another_type_is_named_with_both_types(tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/stamped.py]}")
+    _, outcome = ran(tmp_path)
+    other = "but the node 'stamped' publishes geometry_msgs/TwistStamped"
+    assert f"the robot subscribes to /cmd_vel as geometry_msgs/Twist, {other}" in outcome["notes"]
+    assert not any("had no connection" in warning["message"] for warning in outcome["warnings"])
 
 
 def test_a_command_that_is_no_number_is_an_error(tmp_path: Path) -> None:

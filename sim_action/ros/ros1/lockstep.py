@@ -105,6 +105,7 @@ class Lockstep:
                 break
             self._end_if_over()
             time.sleep(_POLL_S)
+        self._note_misfits()
         self.settle(0.0)
         self._listeners = self._current_listeners()
 
@@ -148,6 +149,7 @@ class Lockstep:
             if self._launcher.look() == self._siblings:
                 return
             self._note_unconnected(self._wait_for_newcomers(), self._newcomers_within)
+            self._note_misfits()
 
     def may_start_nodes(self, program: bytes) -> bool:
         """Return True if a process is not a node yet, or runs a program with this text in its command line."""
@@ -191,6 +193,9 @@ class Lockstep:
             )
             if reason not in self.not_reproducible:
                 self.not_reproducible.append(reason)
+
+    def _note_misfits(self) -> None:
+        self.notes += (note for note in self._master.misfit_notes() if note not in self.notes)
 
     def _missing(self) -> list[int]:
         """Return the processes of the launcher that are no nodes, and have not started one."""

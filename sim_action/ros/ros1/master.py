@@ -12,8 +12,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
+from sim_action.core.wording import escaped_line
+from sim_action.ros.ros1.launch.ros_patches import MISFITS
 
+_MAX_MISFIT_BYTES: Final = 10_000
 _SUCCESS: Final = 1
 _INBOUND: Final = "i"
 _TIMEOUT_S: Final = 10.0  # a busy machine delays answers; a process that has ended refuses the connection at once
@@ -27,6 +31,17 @@ class Graph:
     subscribers: Mapping[str, frozenset[str]]
     pids: Mapping[str, int]
     master: int
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """A subscriber that a publisher refused, because their types of a topic differ."""
+
+    subscriber: str
+    topic: str
+    type: str
+    publisher: str
+    published_type: str
 
 
 class _Transport(xmlrpc.client.Transport):
@@ -43,10 +58,10 @@ def _server(uri: str) -> Any:
 
 
 class Master:
-    """A running master; `caller`: the name of the node that asks."""
+    """A running master; `caller`: the name of the node that asks; `logs`: folder in which nodes leave files."""
 
-    def __init__(self, uri: str, caller: str) -> None:
-        self._caller = caller
+    def __init__(self, uri: str, caller: str, logs: Path | None = None) -> None:
+        self._caller, self._logs = caller, logs
         self._master = _server(uri)
         self._pids: dict[str, tuple[str, int]] = {}
         self._master_pid = 0
@@ -65,13 +80,36 @@ class Master:
         return Graph(_by_topic(publishers, pids), _by_topic(subscribers, pids), pids, self._master_pid)
 
     def first_unconnected(self, graph: Graph) -> tuple[str, str] | None:
-        """Return a node and a topic of which it is not connected to all publishers; None if there is none."""
+        """Return a node and a topic of which it is not connected to all publishers that fit; None if there is none."""
+        refused = Counter((misfit.subscriber, misfit.topic) for misfit in self._misfits(graph))
         for node in graph.pids:
             heard = Counter(self._heard(node))
             for topic, nodes in graph.subscribers.items():
-                if node in nodes and heard[topic] < len(graph.publishers.get(topic, ())):
+                if node in nodes and heard[topic] + refused[node, topic] < len(graph.publishers.get(topic, ())):
                     return node, topic
         return None
+
+    def misfit_notes(self) -> list[str]:
+        """Return a note on each subscriber that a publisher refused. Raises OSError if the master does not answer."""
+        return sorted(map(self._misfit_note, self._misfits(self.graph())))
+
+    def _misfit_note(self, misfit: Misfit) -> str:
+        subscribes = f"{self._shown(misfit.subscriber)} subscribes to {misfit.topic} as {misfit.type}"
+        other = misfit.published_type if misfit.published_type != misfit.type else "another definition of it"
+        return escaped_line(f"{subscribes}, but {self._shown(misfit.publisher)} publishes {other}")
+
+    def _shown(self, node: str) -> str:
+        return "the robot" if node == self._caller else f"the node '{node.removeprefix('/')}'"
+
+    def _misfits(self, graph: Graph) -> set[Misfit]:
+        """Return the refused subscribers among the nodes that are up."""
+        misfits = set[Misfit]()
+        for path in (self._logs / MISFITS).glob("*-*[0-9]") if self._logs else ():
+            misfit = Misfit(*content_or_empty(path, _MAX_MISFIT_BYTES).decode(errors="replace").split("\n", 4))
+            pid = graph.pids.get(misfit.publisher, 0)
+            if path.name.startswith(f"{pid}-") and misfit.subscriber in graph.subscribers.get(misfit.topic, ()):
+                misfits.add(misfit)
+        return misfits
 
     def published(self, kind: str) -> dict[str, frozenset[str]]:
         """Return topic -> publishing nodes, for one message type. Raises OSError if the master does not answer."""

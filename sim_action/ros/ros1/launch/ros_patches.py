@@ -9,7 +9,8 @@ every run. Three parts of ROS are replaced for that:
 - TCP may hold a small message back until the one before it is acknowledged, up to 40 ms of wall time (RFC 896, RFC
   1122 in 4.2.3.2), unless the subscriber asks for no delay. The patch asks for no delay everywhere.
 
-A node that calls `time.sleep` again and again acts by the wall clock. It leaves a file with the place of the call.
+A node that calls `time.sleep` again and again acts by the wall clock. It leaves a file with the place of the call. A
+publisher leaves a file for each subscriber that it refuses, because its type of messages is another one.
 
 rosunit writes a skipped test method as one that passed. The patch writes it as skipped. It adds the topics that the
 test listens to and that had no publisher, as properties of the suite.
@@ -35,6 +36,7 @@ import time
 from typing import Any
 
 SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in the folder of the logs
+MISFITS = "other_types"  # folder of files of refused subscribers, in the folder of the logs
 ALONE = "no_other_node"  # file of a launch that has only a simulation, in the folder of the logs
 TEST_LIMIT = "test_time_limit"  # file of the limit of the running test in s of sim time, in the folder of the logs
 
@@ -112,12 +114,30 @@ def _awaiting(pool: type[Any]) -> type[Any]:
     return Pool
 
 
-def _replace_delays(connections: dict[str, Any]) -> None:
+def _replace_connections(connections: dict[str, Any]) -> None:
+    note_misfits(connections)
     configure, listener = connections["_configure_pub_socket"], connections["TCPROSSub"]
     fields = listener.get_header_fields
     # Subscribers ask every publisher for it, in any language; our Python publishers always do it.
     listener.get_header_fields = lambda self: {**fields(self), "tcp_nodelay": "1"}
     connections["_configure_pub_socket"] = lambda socket, _: configure(socket, True)
+
+
+def note_misfits(connections: dict[str, Any]) -> None:
+    """Leave a file for each subscriber that this process refuses; for the namespace of rospy.impl.tcpros_pubsub."""
+    handler, rospy = connections["TCPROSHandler"], connections["rospy"]
+    accept = handler.topic_connection_handler
+
+    def accept_or_note(self: Any, socket: Any, address: Any, header: dict[str, str]) -> Any:
+        refusal = accept(self, socket, address, header)
+        publisher = rospy.impl.registration.get_topic_manager().get_publisher_impl(header.get("topic"))
+        kind = publisher and publisher.data_class
+        if refusal and kind and header.get("md5sum") != kind._md5sum:  # noqa: SLF001 - genpy has no other way
+            lines = *(header.get(key, "") for key in ("callerid", "topic", "type")), rospy.get_name(), kind._type  # noqa: SLF001 - likewise
+            _leave_note(MISFITS, f"{os.getpid()}-{time.time_ns()}", "\n".join(lines))
+        return refusal
+
+    handler.topic_connection_handler = accept_or_note
 
 
 def _replace_subscribers(topics: dict[str, Any]) -> None:
@@ -248,7 +268,7 @@ def _note_sleeps() -> None:
         calls.append(seconds)
         if len(calls) >= _MIN_SLEEPS and sum(calls) >= _MIN_SLEPT_S:
             is_noted = True
-            _leave_note(f"{rospy.get_name()}\n{file}\n{line}\n")
+            _leave_note(SLEEPERS, str(os.getpid()), f"{rospy.get_name()}\n{file}\n{line}\n")
 
     time.sleep = sleep_and_note
 
@@ -269,8 +289,8 @@ def _folder_of(module: Any, levels: int = 1) -> str:
     return path
 
 
-def _leave_note(text: str) -> None:
-    _write(os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS), str(os.getpid()), text)  # noqa: PTH118 - to import pathlib takes 10 ms of each start
+def _leave_note(folder: str, name: str, text: str) -> None:
+    _write(os.path.join(os.environ["ROS_LOG_DIR"], folder), name, text)  # noqa: PTH118 - to import pathlib takes 10 ms of each start
 
 
 def _write(folder: str, name: str, text: str) -> None:
@@ -286,7 +306,7 @@ def _write(folder: str, name: str, text: str) -> None:
 _REPLACED = {
     "rospy.client": lambda client: client.update(wait_for_message=wait_for_message),
     "rospy.topics": _replace_subscribers,
-    "rospy.impl.tcpros_pubsub": _replace_delays,
+    "rospy.impl.tcpros_pubsub": _replace_connections,
     "rospy.impl.tcpros_service": _replace_service_errors,
     "rosunit.xmlrunner": _replace_results,
     "rosmaster.threadpool": lambda pool: pool.update(MarkedThreadPool=_awaiting(pool["MarkedThreadPool"])),

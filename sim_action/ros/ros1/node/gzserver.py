@@ -99,7 +99,7 @@ class _Server:
         paused = Event()
         topics = GazeboTopics(self._traffic)
         self._lockstep = Lockstep(
-            Master(os.environ["ROS_MASTER_URI"], name),
+            Master(os.environ["ROS_MASTER_URI"], name, Path(os.environ["ROS_LOG_DIR"])),
             name,
             os.getppid(),
             rospy.is_shutdown,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import rospy
@@ -31,6 +32,7 @@ from sim_action.ros.messages import (
     when_due,
 )
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, topics_of
+from sim_action.ros.ros1.launch.ros_patches import note_misfits
 from sim_action.ros.ros1.lockstep import Lockstep
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
@@ -74,10 +76,11 @@ class RobotNode:
         """Become one of the nodes; `rate`: ticks per second. Raises ScriptError."""
         self._nodes, self._model, self._rate = nodes, scene.model, rate
         topics = topics_of(scene.sensors, spec.topics)
+        note_misfits(vars(rospy.impl.tcpros_pubsub))
         rospy.init_node(NAME.strip("/"), disable_signals=True)
         self._traffic = traffic = Traffic()
         self._states = GazeboTopics(traffic)
-        self._master = Master(os.environ["ROS_MASTER_URI"], NAME)
+        self._master = Master(os.environ["ROS_MASTER_URI"], NAME, Path(os.environ["ROS_LOG_DIR"]))
         self._lockstep = Lockstep(
             self._master,
             NAME,
