@@ -1,8 +1,7 @@
-"""Launches of either ROS: keys and commands that request them, and events of launchers."""
+"""Launches of either ROS: keys and commands that request them."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
@@ -19,31 +18,9 @@ from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.world.scene import Scene
 
-_Event = TypeVar("_Event", bound=FrozenModel)
 _MAX_START_S: Final = 86_400  # in s: as long as anybody can mean
 ALLOW_LOSSES: Final = "--allow-losses"
 Program = Literal["rostest", "roslaunch", "launchtest"]
-
-
-class EventFile(Generic[_Event]):
-    """The events of one launch, in their order, as the launcher writes them: lines of JSON."""
-
-    def __init__(self, path: Path, kind: type[_Event]) -> None:
-        path.touch()
-        self._file, self._kind = path.open("rb"), kind
-        self._unread = b""
-
-    def new(self) -> list[_Event]:
-        """Return the events since the last call."""
-        if not (data := self._file.read()):
-            return []
-        *lines, self._unread = (self._unread + data).split(b"\n")
-        # Unlike pydantic, json reads the bytes of file names that are not UTF-8; its lists become tuples.
-        return [self._kind.model_validate(json.loads(line), strict=False) for line in lines]
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
 
 class ListedNode(FrozenModel):

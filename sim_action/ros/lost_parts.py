@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Final
 
+from sim_action.core.errors import SourceProblem
 from sim_action.core.records import dataclass
 
 _SERVERS: Final = frozenset({"gz", "ign", "gazebo", "gzserver", "debug", "gdbrun", "perf"})
@@ -38,6 +39,22 @@ class LeftOutProgram:
 
     program: str
     args: tuple[str, ...]
+
+
+def left_out_notes(programs: Iterable[LeftOutProgram]) -> Iterator[str]:
+    """Yield a note on the programs of a launch that are not started, if there are any."""
+    if names := ", ".join(dict.fromkeys(program.program for program in programs)):
+        yield f"not started, because sim-action is the simulator: {names}"
+
+
+def accepted_losses(
+    losses: Iterable[str], key: str, *, allowed: bool, remedy: str = "set allow_losses: true"
+) -> list[str]:
+    """Return the messages of lost parts. Raises SourceProblem if there are any and they are not allowed."""
+    messages = list(losses)
+    if messages and not allowed:
+        raise SourceProblem(f"{'; '.join(messages)}; to run without it, {remedy}", key)
+    return messages
 
 
 def lost_parts(

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from functools import partial
 from os import path
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
 
 import yaml
@@ -26,11 +26,10 @@ import yaml
 from sim_action.commands import ClosedLoop
 from sim_action.commands.line_protocol import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
-from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import did_you_mean
 from sim_action.ros import node_start
-from sim_action.ros.launches import EventFile
-from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
+from sim_action.ros.launch_events import Event, EventFile
+from sim_action.ros.lost_parts import LeftOutProgram, accepted_losses, left_out_notes, lost_parts
 from sim_action.ros.processes import children
 from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
 from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
@@ -86,7 +85,7 @@ class LaunchedNodes:
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self._logs = self.folder / "log"
             self.overlay = build_overlay(self.folder / "overlay", ros, self._workspace, os.environ)
-            self._events = EventFile(self.folder / "events", Event)
+            self._events = EventFile(self.folder / "events")
             undo.callback(self._events.close)
             self._launch = self._start(scene)
             undo.callback(self._launch.close)
@@ -95,6 +94,7 @@ class LaunchedNodes:
         self._exited: set[int] = set()
         self.launcher = 0
         self._core = frozenset[int]()
+        self._left_out: list[LeftOutProgram] = []
         self.notes: list[str] = []
         self.losses: list[str] = []
 
@@ -147,19 +147,19 @@ class LaunchedNodes:
 
     def _look(self) -> None:
         for event in self._events.new():
-            if event.is_failure:
+            if is_failure(event):
                 raise self._failure(event)
             if event.event == "died":
                 self._exited.add(event.pid)
             elif event.event == "started":
                 self.launcher, self._core = event.pid, frozenset(event.core)
+            elif event.event == "left out":
+                self._left_out.append(LeftOutProgram(event.program, tuple(words_of(*event.args))))
             elif event.event == "read":
-                if event.left_out:
-                    left = ", ".join(dict.fromkeys(event.left_out))
-                    self.notes.append(f"not launched, because sim-action is the simulator: {left}")
-                if event.losses and not self._spec.allow_losses:
-                    raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
-                self.losses += event.losses
+                self.notes += left_out_notes(self._left_out)
+                types = dict(text.split("=", 1) for text in event.types)
+                losses = lost_parts(self._left_out, partial(lost_controller, types=types), [event.world])
+                self.losses += accepted_losses(losses, KEY, allowed=self._spec.allow_losses)
 
     def end_error(self) -> ScriptError:
         """Return the error for a launcher that ended without an event, or a master that does not answer any more."""
@@ -233,48 +233,17 @@ def lost_controller(name: str, _: LeftOutProgram, types: Mapping[str, str]) -> s
     return f"the controller '{name}' ({kind or 'without a type'}) does not run: drive joints with other commands"
 
 
-def _words(args: str) -> list[str]:
+def words_of(args: str) -> list[str]:
+    """Return the words of the arguments of a node."""
     try:
         return shlex.split(args)
     except ValueError:
         return args.split()
 
 
-class Event(FrozenModel):
-    """One event of a launch.
-
-    `left_out`: nodes of Gazebo as package/type, once the file is read. `types`: NAME=TYPE of each controller that has
-    parameters. `pid`: of the launcher, when all nodes are started; of a node that has ended. `core`: ids of the
-    processes of ROS itself. `exit_code`: negative for a signal. `kind`, `message`: of the exception by which roslaunch
-    refused the file.
-    """
-
-    event: Literal["read", "started", "refused", "died"]
-    left_out: tuple[str, ...] = ()
-    left_out_args: tuple[str, ...] = ()
-    world: str = ""
-    types: tuple[str, ...] = ()
-    pid: int = 0
-    core: tuple[int, ...] = ()
-    node: str = ""
-    exit_code: int | None = None
-    program: str = ""
-    required: bool = False
-    kind: str = ""
-    message: str = ""
-
-    @property
-    def losses(self) -> tuple[str, ...]:
-        """The parts of the launch file that the scenario does not replace."""
-        pairs = zip(self.left_out, self.left_out_args, strict=True)
-        programs = [LeftOutProgram(program, tuple(_words(args))) for program, args in pairs]
-        types = dict(text.split("=", 1) for text in self.types)
-        return tuple(lost_parts(programs, partial(lost_controller, types=types), [self.world]))
-
-    @property
-    def is_failure(self) -> bool:
-        """True if the event ends the run with an error."""
-        return self.event == "refused" or (self.event == "died" and (self.required or self.exit_code != 0))
+def is_failure(event: Event) -> bool:
+    """Return True if an event ends the run with an error."""
+    return event.event == "refused" or (event.event == "died" and (event.required or event.exit_code != 0))
 
 
 def _after_mention(text: str, program: str) -> str:

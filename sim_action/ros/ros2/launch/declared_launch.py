@@ -27,7 +27,15 @@ if __name__ == "__main__":
 
 from sim_action.ros.ros2.launch.declared_files import install_modules, read_file
 from sim_action.ros.ros2.launch.declared_parts import program_path
-from sim_action.ros.ros2.launch.declared_table import KINDS, Context, LaunchError, Part, stand_in_of, unsupported
+from sim_action.ros.ros2.launch.declared_table import (
+    KINDS,
+    Context,
+    LaunchError,
+    Part,
+    event_writer,
+    stand_in_of,
+    unsupported,
+)
 
 # The wall time that processes get after SIGINT.
 _MAX_END_S = 2.5
@@ -39,7 +47,7 @@ class _Launcher:
 
     def __init__(self, task: dict[str, Any]) -> None:
         self._task = task
-        self._events = Path(task["events"]).open("ab", buffering=0)  # noqa: SIM115 - as long as this process is there
+        self.tell = event_writer(task)
         self._selector = selectors.DefaultSelector()
         self._times = os.open(task["times"], os.O_RDWR | os.O_NONBLOCK)
         self._selector.register(self._times, selectors.EVENT_READ)
@@ -90,10 +98,6 @@ class _Launcher:
             for key, _ in self._selector.select(0.05):
                 if key.data:
                     self._forward(key.fileobj, key.data)
-
-    def tell(self, event: str, **more: Any) -> None:
-        """Write an event."""
-        self._events.write(json.dumps({"event": event, **more}).encode() + b"\n")
 
     def _visit(self, actions: Any) -> None:
         """Run actions, and report the timers and the end that they state."""

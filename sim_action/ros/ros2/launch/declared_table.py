@@ -7,6 +7,7 @@ Nothing is refused before it runs: a group whose condition is false may have par
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import sys
 import traceback
@@ -48,6 +49,16 @@ class LaunchError(Exception):
         refusal = error if isinstance(error, cls) else cls(type(error).__name__, message, names=names)
         refusal.places = refusal.places or frames
         return refusal
+
+
+def event_writer(task: dict[str, Any]) -> Callable[..., None]:
+    """Return a function that writes an event of a launch, from any thread: at its end, a file takes whole writes."""
+    file = Path(task["events"]).open("ab", buffering=0)  # noqa: SIM115 - as long as this process is there
+
+    def tell(event: str, **more: Any) -> None:
+        file.write(json.dumps({"event": event, **more}).encode() + b"\n")
+
+    return tell
 
 
 def stand_in_of(stand_ins: Mapping[str, list[str]], program: str) -> list[str] | None:

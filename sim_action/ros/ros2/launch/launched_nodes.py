@@ -19,18 +19,18 @@ from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import yaml
 from typing_extensions import override
 
-from sim_action.core.errors import ControllersFinished, ScriptError, SourceProblem
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.errors import ControllersFinished, ScriptError
 from sim_action.core.files import content_or_empty
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
-from sim_action.ros.launches import EventFile
-from sim_action.ros.lost_parts import LeftOutProgram, lost_parts
+from sim_action.ros.launch_events import Event, EventFile
+from sim_action.ros.launches import ALLOW_LOSSES
+from sim_action.ros.lost_parts import LeftOutProgram, accepted_losses, left_out_notes, lost_parts
 from sim_action.ros.processes import descendants
 from sim_action.ros.program_failures import error_with_output, exit_text, last_location, node_error
 from sim_action.ros.ros2.lockstep import clock_of
@@ -155,7 +155,7 @@ class LaunchedNodes(NodeGroup):
         """Start the launcher, and return at once. Raise ScriptError."""
         self._spec = spec
         self.topics = spec.topics
-        self._events = EventFile(folder.path / "events", Event)
+        self._events = EventFile(folder.path / "events")
         self._times = folder.path / "times"
         os.mkfifo(self._times)
         self._writer = os.open(self._times, os.O_RDWR | os.O_CLOEXEC)
@@ -196,14 +196,10 @@ class LaunchedNodes(NodeGroup):
     @override
     def await_start(self) -> None:
         self.await_programs()
-        losses = list(lost_parts(self._left_out, partial(lost_controller, command_topics=self.topics.commands)))
-        if losses and not self._spec.allows_losses:
-            remedy = "set allow_losses: true" if self._spec.results is None else "use --allow-losses"
-            raise SourceProblem(f"{'; '.join(losses)}; to run without it, {remedy}", _KEY)
-        self.losses += losses
-        if self._left_out:
-            left = ", ".join(dict.fromkeys(left_out.program for left_out in self._left_out))
-            self.notes.append(f"not started, because sim-action is the simulator: {left}")
+        losses = lost_parts(self._left_out, partial(lost_controller, command_topics=self.topics.commands))
+        remedy = "set allow_losses: true" if self._spec.results is None else f"use {ALLOW_LOSSES}"
+        self.losses += accepted_losses(losses, _KEY, allowed=self._spec.allows_losses, remedy=remedy)
+        self.notes += left_out_notes(self._left_out)
         self.notes += unheard_bridges(self._left_out, self.topics.published)
 
     def await_programs(self) -> list[LeftOutProgram]:
@@ -298,33 +294,6 @@ class LaunchedNodes(NodeGroup):
         if event.event == "died" and event.exit_code and self._spec.results is None:
             node, text = f"the node '{event.process}' of the launch file", text_of(event.process, output)
             raise node_error(node, event.exit_code, f"{text}\n", self._spec.workspace)
-
-
-class Event(FrozenModel):
-    """One event of a launch.
-
-    `time`: s for which the launch is calm, or at which a timer is due. `pid`: of the launcher for "calm". `program`:
-    its path, or PACKAGE/PROGRAM if it is left out; the class of a node in a container. `node`: full name, if the file
-    states it. `clock` None: the process has no clock of its own. `exit_code`: negative for a signal. `kind`: of a
-    refusal: "package", "program", "argument", "start", "unsupported", or the class of an exception. `names`: near the
-    unknown `name`. `places`: (file, line) of each call that led to the exception, the last one last.
-    """
-
-    event: Literal["calm", "timer", "process", "composed", "left out", "died", "refused", "shutdown"]
-    time: float = 0.0
-    pid: int = 0
-    process: str = ""
-    program: str = ""
-    node: str = ""
-    clock: int | None = None
-    args: tuple[str, ...] = ()
-    exit_code: int = 0
-    kind: str = ""
-    name: str = ""
-    names: tuple[str, ...] = ()
-    package: str = ""
-    message: str = ""
-    places: tuple[tuple[str, int], ...] = ()
 
 
 def refusal_error(event: Event, output: str, workspace: Path) -> ScriptError:

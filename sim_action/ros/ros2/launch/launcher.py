@@ -13,7 +13,6 @@ import json
 import os
 import signal
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +27,12 @@ from launch.utilities import perform_substitutions, type_utils
 from launch_ros.actions import Node, ROSTimer
 from launch_ros.substitutions import ExecutableInPackage
 
-from sim_action.ros.ros2.launch.declared_table import LaunchError, stand_in_of
+from sim_action.ros.ros2.launch.declared_table import LaunchError, event_writer, stand_in_of
 
 # The times in s that a node may take to leave after SIGINT, and after SIGTERM.
 _TIMEOUTS = {"sigterm_timeout": "2", "sigkill_timeout": "0.5"}
 _SHELL_OPERATORS = frozenset(";|&<>$`(")
 _READ_BYTES = 65536
-
-
-class _Events:
-    """Writes events, from any thread."""
-
-    def __init__(self, path: str) -> None:
-        self._file = Path(path).open("ab", buffering=0)  # noqa: SIM115 - as long as this process is there
-        self._lock = threading.Lock()
-
-    def tell(self, event: str, **more: Any) -> None:
-        with self._lock:
-            self._file.write(json.dumps({"event": event, **more}).encode() + b"\n")
 
 
 class _SimTime:
@@ -87,8 +74,8 @@ class _SimTime:
 class _Launcher:
     """Changes `launch` in this process, and reports what happens."""
 
-    def __init__(self, task: dict[str, Any], events: _Events) -> None:
-        self._task, self._events = task, events
+    def __init__(self, task: dict[str, Any]) -> None:
+        self._task, self._tell = task, event_writer(task)
         self._left_out = frozenset(key.partition("/")[0] for key in task["stand_ins"])
         self._time = _SimTime(task["times"], self._answer_time)
         self._clocks = self._firing = 0
@@ -133,7 +120,7 @@ class _Launcher:
         try:
             await original(service)
         except Exception as error:
-            self._events.tell("refused", **_explained(error))
+            self._tell("refused", **_explained(error))
             raise
         self._tell_if_calm()
 
@@ -148,8 +135,8 @@ class _Launcher:
         unknown = sorted(names - self._declared - self._read) if is_checked else []
         self._has_started = True
         if unknown:
-            self._events.tell("refused", kind="argument", name=unknown[0], names=sorted(self._declared))
-        self._events.tell("calm", time=self._time.now, pid=os.getpid())
+            self._tell("refused", kind="argument", name=unknown[0], names=sorted(self._declared))
+        self._tell("calm", time=self._time.now, pid=os.getpid())
 
     def _answer_time(self, fired: int) -> None:
         self._firing += fired
@@ -164,7 +151,7 @@ class _Launcher:
         period = type_utils.perform_typed_substitution(context, action.period, float)
         due = self._time.now + period
         waiter = self._time.future(due, context.asyncio_loop)
-        self._events.tell("timer", time=due)
+        self._tell("timer", time=due)
         await asyncio.wait([action._canceled_future, waiter], return_when=asyncio.FIRST_COMPLETED)  # noqa: SLF001 - as launch does it
         if not action._canceled_future.done():  # noqa: SLF001 - likewise
             await context.emit_event(launch.events.TimerEvent(timer_action=action))
@@ -189,13 +176,13 @@ class _Launcher:
         try:
             return original(substitution, context)
         except PackageNotFoundError:
-            self._events.tell("refused", kind="package", name=package, names=sorted(get_packages_with_prefixes()))
+            self._tell("refused", kind="package", name=package, names=sorted(get_packages_with_prefixes()))
             raise
         except Exception as error:
             folder = Path(get_packages_with_prefixes()[package]) / "lib" / package
             names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
             more = {"kind": "program", "package": package, "name": program, "names": names}
-            self._events.tell("refused", **{**_explained(error), **more})
+            self._tell("refused", **{**_explained(error), **more})
             raise
 
     def _prepare(self, original: Any, action: Any, context: Any) -> None:
@@ -207,7 +194,7 @@ class _Launcher:
         role = {"process": details["name"], "program": words[0], "node": _full_name(action)}
         stand_in = stand_in_of(self._task["stand_ins"], words[0])
         if stand_in is not None:
-            self._events.tell("left out", **role, args=words[1:])
+            self._tell("left out", **role, args=words[1:])
             command[:] = stand_in
         elif isinstance(action, Node) or _is_ros2_run(action, words):
             role["clock"] = self._clocks
@@ -232,7 +219,7 @@ class _Launcher:
         request.remap_rules = [self._next_clock(), *request.remap_rules]
         others = [other for other in request.parameters if other.name != "use_sim_time"]
         request.parameters = [*others, parameter.to_parameter_msg()]
-        self._events.tell("composed", node=request.node_name, program=request.plugin_name, clock=number)
+        self._tell("composed", node=request.node_name, program=request.plugin_name, clock=number)
         return request
 
     async def _start_process(self, original: Any, *args: Any, **words: Any) -> Any:
@@ -243,20 +230,20 @@ class _Launcher:
             transport, protocol = await original(*args, **words)
         except Exception as error:
             message = (isinstance(error, OSError) and error.strerror) or str(error)
-            self._events.tell("refused", kind="start", name=command[0], message=message)
+            self._tell("refused", kind="start", name=command[0], message=message)
             raise
         finally:
             self._starting = [other for other in self._starting if other is not command]
-        self._events.tell("process", **role, pid=transport.get_pid())
+        self._tell("process", **role, pid=transport.get_pid())
         asyncio.get_running_loop().call_soon(self._tell_if_calm)
         return transport, protocol
 
     def _tell_exit(self, event: Any, context: Any) -> None:
         if not context.is_shutdown:
-            self._events.tell("died", process=event.process_name, pid=event.pid, exit_code=event.returncode)
+            self._tell("died", process=event.process_name, pid=event.pid, exit_code=event.returncode)
 
     def _tell_shutdown(self, event: Any, _context: Any) -> None:
-        self._events.tell("shutdown", message=str(event.reason))
+        self._tell("shutdown", message=str(event.reason))
 
 
 def _wrap(owner: Any, name: str, function: Any) -> None:
@@ -298,8 +285,7 @@ def main(path: str) -> int:
     # Programs inherit a signal that is ignored, and would not end by it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     task = json.loads(Path(path).read_text(encoding="utf-8"))
-    events = _Events(task["events"])
-    _Launcher(task, events).install()
+    _Launcher(task).install()
     if task["results"]:
         from launch_testing import launch_test
 

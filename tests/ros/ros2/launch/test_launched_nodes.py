@@ -7,18 +7,11 @@ from typing import Any
 
 import pytest
 
-from sim_action.ros.launches import EventFile
+from sim_action.ros.launch_events import Event, EventFile
 from sim_action.ros.lost_parts import LeftOutProgram
 from sim_action.ros.program_failures import node_error
 from sim_action.ros.ros2.installation import packages_of_prefix
-from sim_action.ros.ros2.launch.launched_nodes import (
-    Event,
-    end_error,
-    refusal_error,
-    text_of,
-    unheard_bridges,
-    write_prefix,
-)
+from sim_action.ros.ros2.launch.launched_nodes import end_error, refusal_error, text_of, unheard_bridges, write_prefix
 
 REFUSED = "the launch file cannot be run: "
 ELSE = "; add it to the workspace, or use a ROS 2 that has it, such as ros:jazzy"
@@ -89,7 +82,7 @@ def test_ends_of_the_launch() -> None:
 
 
 def test_an_event_is_read_once_its_line_is_complete(tmp_path: Path) -> None:
-    events = EventFile(tmp_path / "events", Event)
+    events = EventFile(tmp_path / "events")
     with (tmp_path / "events").open("ab", buffering=0) as file:
         assert events.new() == []
         file.write(b'{"event": "calm", "time": 0.5, "pid": 7}\n{"event": "refused", "places": [["a.py", ')
