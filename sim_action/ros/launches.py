@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
 
-from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
 from pydantic_core import CoreSchema
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
+from sim_action.core.errors import UsageError
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
@@ -18,6 +21,7 @@ from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.world.scene import Scene
 
+_Ros = TypeVar("_Ros")
 _MAX_START_S: Final = 86_400  # in s: as long as anybody can mean
 ALLOW_LOSSES: Final = "--allow-losses"
 Program = Literal["rostest", "roslaunch", "launchtest"]
@@ -91,11 +95,32 @@ class Nodes(FrozenModel, Generic[_Node]):
             yield ("launch",), f"needs a package and a launch file, such as [my_robot, {example}]"
 
 
+def name_rule(pattern: str, rule: str) -> AfterValidator:
+    """Return a validator of names that match a pattern; `rule`: in words, for its error."""
+
+    def valid(name: str) -> str:
+        if not re.fullmatch(pattern, name):
+            raise ValueError(f"{rule}, found {name!r}")
+        return name
+
+    return AfterValidator(valid)
+
+
 def argument_problem(argument: str) -> str | None:
     """Return why a text is no argument of a launch file; None if it is one."""
     name, sign, _ = argument.partition(":=")
     is_valid = sign and name.isidentifier()
     return None if is_valid else f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
+
+
+def installed(find: Callable[[], _Ros], elsewhere: str) -> tuple[_Ros | None, str | None]:
+    """Return the installation, or None and the reason why there is none; `elsewhere`: the one on other systems."""
+    if sys.platform != "linux":
+        return None, elsewhere
+    try:
+        return find(), None
+    except UsageError as error:
+        return None, str(error)
 
 
 def unchecked_notes(key: str, launch: Sequence[str] | None, why_no_ros: str | None) -> tuple[str, ...]:

@@ -6,18 +6,16 @@ A package that is not in the workspace may belong to ROS 2. Where ROS 2 is not i
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
-from sim_action.ros.launches import argument_problem
+from sim_action.ros.launches import argument_problem, installed
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.packages import BUILD, INSTALL, UNREADABLE, Packages, is_python, workspace_of
 
@@ -27,20 +25,10 @@ if TYPE_CHECKING:
 _CONTAINER: Final = ", in a ROS 2 with rclcpp, such as the container ros:jazzy"
 
 
-def why_no_ros() -> str | None:
-    """Return the reason why nodes cannot run here; None if they can."""
-    return _installation()[1]
-
-
 @cache
-def _installation() -> tuple[Ros2 | None, str | None]:
+def local_ros() -> tuple[Ros2 | None, str | None]:
     """Return the installation, or None and the reason why there is none."""
-    if sys.platform != "linux":
-        return None, "nodes of ROS 2 run on Linux only: sim-action watches their threads in /proc"
-    try:
-        return find_ros(), None
-    except UsageError as error:
-        return None, str(error)
+    return installed(find_ros, "nodes of ROS 2 run on Linux only: sim-action watches their threads in /proc")
 
 
 def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
@@ -54,7 +42,7 @@ def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
         yield ("workspace",), f"{error}{_build_hint(spec.workspace, workspace)}"
         return
     try:
-        packages = Packages.around(folder, _installation()[0])
+        packages = Packages.around(folder, local_ros()[0])
     except PathError as error:
         yield ("workspace",) if spec.workspace is not None else (), str(error)
         return

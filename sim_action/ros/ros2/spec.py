@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Sequence
 from pathlib import PurePosixPath
@@ -18,15 +17,14 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import SpecProblems, plain_data
 from sim_action.robot.model.joint_selection import joints_set_by
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.launches import ListedNode, Nodes, unchecked_notes
+from sim_action.ros.launches import ListedNode, Nodes, name_rule, unchecked_notes
 from sim_action.world.scene import Scene
 
 # design.ros2.org/articles/topic_and_service_names.html
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
-_NODE: Final = re.compile(_TOKEN)
-_GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
-_ROBOT: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
-_NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
+_NAME: Final = rf"{_TOKEN}(?:/{_TOKEN})*"
+_RULE: Final = "a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel"
+_SPACE_RULE: Final = "a namespace has letters, digits and '_' between its '/', such as /robot1"
 _FILE_STARTS: Final = ("./", "../", "/")
 _MAX_NAME_CHARS: Final = 247  # rmw/validate_full_topic_name.h, which also counts what a namespace adds
 # rcl_interfaces/ParameterValue; a larger integer would become a float.
@@ -35,41 +33,16 @@ _MAX_INTEGER: Final = 2**63 - 1
 Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
-def _node_name(name: str) -> str:
-    """Return a valid name of a node. Raise ValueError."""
-    if not _NODE.fullmatch(name):
-        raise ValueError(f"the name of a node has letters, digits and '_' and starts with no digit, found {name!r}")
-    _refuse_long(name)
-    return name
-
-
-def _graph_name(name: str, pattern: re.Pattern[str] = _GRAPH) -> str:
-    """Return a valid name of a topic or service. Raise ValueError."""
-    if not pattern.fullmatch(name):
-        raise ValueError(
-            f"a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel, found {name!r}"
-        )
-    _refuse_long(name)
-    return name
-
-
-def _old_name(name: str) -> str:
+def _other_than_clock(name: str) -> str:
     if name.strip("/") == "clock":
         raise ValueError("each node has a clock of its own, so /clock cannot be remapped")
-    return _graph_name(name)
-
-
-def _namespace(name: str) -> str:
-    """Return a valid namespace. Raise ValueError."""
-    if not _NAMESPACE.fullmatch(name):
-        raise ValueError(f"a namespace has letters, digits and '_' between its '/', such as /robot1, found {name!r}")
-    _refuse_long(name)
     return name
 
 
-def _refuse_long(name: str) -> None:
+def _short(name: str) -> str:
     if len(name) > _MAX_NAME_CHARS:
         raise ValueError(f"a name in ROS 2 has at most {_MAX_NAME_CHARS} characters, this one has {len(name)}")
+    return name
 
 
 def _arguments(text: str) -> str:
@@ -106,11 +79,14 @@ def _check_value(name: str, value: JsonValue) -> None:
             raise ValueError(f"an integer has 64 bits in ROS 2; '{name}' has {shown(entry)}")
 
 
-NodeName = Annotated[str, AfterValidator(_node_name)]
-GraphName = Annotated[str, AfterValidator(_graph_name)]
-OldName = Annotated[str, AfterValidator(_old_name)]
-RobotTopicName = Annotated[str, AfterValidator(lambda name: _graph_name(name, _ROBOT))]
-Namespace = Annotated[str, AfterValidator(_namespace)]
+_SHORT: Final = AfterValidator(_short)
+NodeName = Annotated[
+    str, name_rule(_TOKEN, "the name of a node has letters, digits and '_' and starts with no digit"), _SHORT
+]
+GraphName = Annotated[str, name_rule(f"(?:/|~/)?{_NAME}", _RULE), _SHORT]
+OldName = Annotated[str, AfterValidator(_other_than_clock), name_rule(f"(?:/|~/)?{_NAME}", _RULE), _SHORT]
+RobotTopicName = Annotated[str, name_rule(f"/?{_NAME}", _RULE), _SHORT]
+Namespace = Annotated[str, name_rule(f"/|/?{_NAME}", _SPACE_RULE), _SHORT]
 Parameters = Annotated[dict[str, JsonValue], BeforeValidator(plain_data), AfterValidator(_parameters)]
 
 
@@ -319,9 +295,9 @@ class Ros2Commands(CommandSource):
     @property
     @override
     def unchecked(self) -> tuple[str, ...]:
-        from sim_action.ros.ros2.file_problems import why_no_ros  # the rest of the module runs without it
+        from sim_action.ros.ros2.file_problems import local_ros  # the rest of the module runs without it
 
-        return unchecked_notes("ros2", self.ros2.launch, why_no_ros())
+        return unchecked_notes("ros2", self.ros2.launch, local_ros()[1])
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of controllers and topics."""

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from sim_action.core.workspace import Workspace
 from sim_action.ros.ros2 import file_problems as module
-from sim_action.ros.ros2.file_problems import file_problems, why_no_ros
+from sim_action.ros.ros2.file_problems import file_problems
 from sim_action.ros.ros2.installation import find_ros
 from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes, Ros2NodeSpec
 from tests.ros.ros2.prefixes import installed, manifest, program, ros_prefix, source
@@ -20,19 +20,19 @@ from tests.ros_workspace import written
 NODES: TypeAdapter[tuple[Ros2NodeSpec, ...]] = TypeAdapter(tuple[Ros2NodeSpec, ...])
 
 
-INSTALLATION = module._installation
+INSTALLATION = module.local_ros
 
 
 @pytest.fixture(autouse=True)
 def with_ros(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     prefix = ros_prefix(tmp_path_factory.mktemp("ros"))
     ros = find_ros({"AMENT_PREFIX_PATH": str(prefix)}, prefix / "absent")
-    monkeypatch.setattr(module, "_installation", lambda: (ros, None))
+    monkeypatch.setattr(module, "local_ros", lambda: (ros, None))
 
 
 @pytest.fixture
 def without_ros(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_installation", lambda: (None, "ROS 2 is not installed"))
+    monkeypatch.setattr(module, "local_ros", lambda: (None, "ROS 2 is not installed"))
 
 
 def problems(root: Path, *nodes: object, **keys: Any) -> list[str]:
@@ -205,8 +205,8 @@ def test_notes_say_what_is_not_checked(without_ros: None) -> None:
 
 
 def test_other_systems_and_another_middleware_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_installation", INSTALLATION.__wrapped__)
+    monkeypatch.setattr(module, "local_ros", INSTALLATION.__wrapped__)
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
-    assert (why_no_ros() or "").startswith("RMW_IMPLEMENTATION is rmw_zenoh_cpp")
+    assert (module.local_ros()[1] or "").startswith("RMW_IMPLEMENTATION is rmw_zenoh_cpp")
     monkeypatch.setattr(sys, "platform", "darwin")
-    assert (why_no_ros() or "").startswith("nodes of ROS 2 run on Linux only")
+    assert (module.local_ros()[1] or "").startswith("nodes of ROS 2 run on Linux only")

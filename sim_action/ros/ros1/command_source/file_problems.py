@@ -6,20 +6,18 @@ A package that is not in the workspace may belong to ROS. Where ROS is not insta
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from xml.etree import ElementTree as ET
 
-from sim_action.core.errors import UsageError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import SpecProblems
-from sim_action.ros.launches import argument_problem
+from sim_action.ros.launches import argument_problem, installed
 from sim_action.ros.ros1.catkin_packages import find_launch_file, packages_in, packages_of, workspace_of
 from sim_action.ros.ros1.installation import Ros, find_ros
 
@@ -31,15 +29,9 @@ _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 
 
 @cache
-def why_no_ros() -> str | None:
-    """Return the reason why nodes cannot run here; None if they can."""
-    if sys.platform != "linux":
-        return "ROS 1 has packages for Linux only: Debian 12 and Ubuntu"
-    try:
-        find_ros()
-    except UsageError as error:
-        return str(error)
-    return None
+def local_ros() -> tuple[Ros | None, str | None]:
+    """Return the installation, or None and the reason why there is none."""
+    return installed(find_ros, "ROS 1 has packages for Linux only: Debian 12 and Ubuntu")
 
 
 def file_problems(spec: RosNodes, workspace: Workspace) -> SpecProblems:
@@ -68,7 +60,7 @@ class Packages:
     @classmethod
     def around(cls, workspace: Path) -> Packages:
         """Return the packages of a workspace and of the installed ROS."""
-        ros = find_ros() if why_no_ros() is None else None
+        ros, _ = local_ros()
         return cls(workspace, packages_in(workspace), ros, packages_of([ros.share]) if ros else {})
 
     def missing_message(self, name: str) -> str | None:

@@ -33,8 +33,8 @@ from sim_action.ros.lost_parts import LeftOutProgram, accepted_losses, left_out_
 from sim_action.ros.processes import children
 from sim_action.ros.program_failures import error_with_output, signal_name, traceback_location
 from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
-from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
-from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.ros1.command_source.file_problems import Packages, local_ros
+from sim_action.ros.ros1.installation import Ros
 from sim_action.ros.ros1.launch.launch_process import Launch, free_port
 from sim_action.ros.ros1.launch.overlay import build_overlay, scratch_parent
 from sim_action.ros.ros1.verdicts.launch_output import (
@@ -253,10 +253,11 @@ def _after_mention(text: str, program: str) -> str:
 
 def open_nodes(spec: RosNodes, rate: float, scene: Scene) -> ClosedLoop:
     """Launch nodes, and return their controller; `rate`: ticks per second. Raises SourceProblem, ScriptError."""
-    if why := why_no_ros():
-        raise SourceProblem(why, KEY)
+    ros, why = local_ros()
+    if ros is None:
+        raise SourceProblem(str(why), KEY)
     try:
-        nodes = LaunchedNodes(spec, scene, find_ros(), free_port())
+        nodes = LaunchedNodes(spec, scene, ros, free_port())
     except UsageError as error:
         # Such as messages that genpy cannot generate.
         raise SourceProblem(str(error), KEY) from None

@@ -6,35 +6,25 @@ import re
 from pathlib import PurePosixPath
 from typing import Annotated, ClassVar, Final
 
-from pydantic import AfterValidator, BeforeValidator, Field, JsonValue
+from pydantic import BeforeValidator, Field, JsonValue
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import SpecProblems, plain_data
-from sim_action.ros.launches import ListedNode, Nodes, StartTime, unchecked_notes
+from sim_action.ros.launches import ListedNode, Nodes, StartTime, name_rule, unchecked_notes
 from sim_action.ros.robot_topics import topic_problems, topics_of
 from sim_action.world.scene import Scene
 
-_BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
-
-
-def _base_name(name: str) -> str:
-    if not _BASE.fullmatch(name):
-        raise ValueError(f"the name of a node has letters, digits and '_' and starts with a letter, found {name!r}")
-    return name
-
-
-def _graph_name(name: str) -> str:
-    if not _GRAPH.fullmatch(name):
-        raise ValueError(f"a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
-    return name
-
-
-BaseName = Annotated[str, AfterValidator(_base_name)]
-GraphName = Annotated[str, AfterValidator(_graph_name)]
+_BASE: Final = "[A-Za-z][A-Za-z0-9_]*"
+BaseName = Annotated[str, name_rule(_BASE, "the name of a node has letters, digits and '_' and starts with a letter")]
+GraphName = Annotated[
+    str,
+    name_rule(
+        rf"[~/]?{_BASE}(?:/[A-Za-z0-9_]+)*", "a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel"
+    ),
+]
 
 
 class NodeSpec(ListedNode):
@@ -129,9 +119,9 @@ class RosCommands(CommandSource):
     @override
     def unchecked(self) -> tuple[str, ...]:
         # the rest of the module runs without it
-        from sim_action.ros.ros1.command_source.file_problems import why_no_ros
+        from sim_action.ros.ros1.command_source.file_problems import local_ros
 
-        return unchecked_notes("ros1", self.ros1.launch, why_no_ros())
+        return unchecked_notes("ros1", self.ros1.launch, local_ros()[1])
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of the topics."""

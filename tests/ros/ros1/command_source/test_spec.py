@@ -11,7 +11,7 @@ from sim_action.core.errors import InvalidScenario, SourceProblem
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
 from sim_action.ros.ros1 import installation
-from sim_action.ros.ros1.command_source.file_problems import why_no_ros
+from sim_action.ros.ros1.command_source.file_problems import local_ros
 from sim_action.ros.ros1.command_source.spec import RosCommands
 from sim_action.scenario.loading import load_scenario
 from tests.ros.ros1.launches import needs_ros, package
@@ -118,7 +118,7 @@ def test_a_rate_that_falls_between_physics_steps_is_told_with_those_that_do_not(
 
 def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "PYTHON", tmp_path / "no-python")
-    why_no_ros.cache_clear()
+    local_ros.cache_clear()
     workspace(tmp_path)
     try:
         loaded = load(tmp_path, text(GOOD[2]))
@@ -128,4 +128,4 @@ def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, m
             source.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
         assert raised.value.key == "ros1"
     finally:
-        why_no_ros.cache_clear()
+        local_ros.cache_clear()
