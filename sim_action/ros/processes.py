@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import resource
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path, PurePath
@@ -24,6 +24,10 @@ _STAT_BYTES: Final = 1024
 _ENDED: Final = (FileNotFoundError, ProcessLookupError)
 # A process that has ended, and that its parent has not waited for, has no work left either.
 _SLEEPING: Final = (b"S", b"I", b"Z")
+# Wall time that nodes may compute between two ticks, and the wait at each tick once lock-step is lost.
+MAX_SETTLE_S: Final = 10.0
+_SETTLE_AFTER_LOSS_S: Final = 0.05
+_BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compared
 # The time of looking at a thread without a pause, and one pause.
 _BUSY_WAIT_S: Final = 2e-4
 _NAP_S: Final = 5e-5
@@ -156,7 +160,10 @@ class WatchedThread:
 
 
 class WatchedProcesses:
-    """The processes to wait for, but not our thread `spared`; `at_rest`: threads -> how often each had run then."""
+    """The processes to wait for, but not our thread `spared`; `at_rest`: threads -> how often each had run then.
+
+    `is_kept`: True as long as `settle` has waited for all of them.
+    """
 
     def __init__(self, spared: int) -> None:
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -164,6 +171,7 @@ class WatchedProcesses:
         self._spared = spared
         self._threads: dict[int, dict[int, WatchedThread]] = {}
         self.at_rest: Mapping[WatchedThread, bytes] = {}
+        self.is_kept = True
 
     def watch(self, pids: Iterable[int]) -> None:
         """Watch exactly these processes from now on."""
@@ -181,14 +189,27 @@ class WatchedProcesses:
                 return False
         return True
 
-    def stirred(self) -> frozenset[WatchedThread]:
-        """Return the threads that have run since all processes waited last, although nothing was sent to them."""
-        threads = set[WatchedThread]()
+    def settle(self) -> bool:
+        """Wait until all processes wait. Return False if that takes too long; after that, it waits only a moment."""
+        return self.wait(MAX_SETTLE_S if self.is_kept else _SETTLE_AFTER_LOSS_S)
+
+    def loss(self, seconds: float, names_of: Callable[[frozenset[int]], Iterable[str]]) -> Iterator[str]:
+        """Yield the message for lock-step that is lost at a sim time in s, the first time; `names_of`: of processes."""
+        if self.is_kept:
+            self.is_kept = False
+            names = sorted(set(names_of(self.busy(_BUSY_S) - {os.getpid()})))
+            who = f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}" if names else "nodes were"
+            when = f"lock-step was lost at {seconds:g} s of sim time"
+            yield f"{when}: {who} still busy after {MAX_SETTLE_S:g} s of wall time"
+
+    def stirred(self) -> dict[WatchedThread, int]:
+        """Return the threads that ran since all processes waited last, although nothing was sent, and how often."""
+        runs: dict[WatchedThread, int] = {}
         for thread, ran in self.at_rest.items():
             with suppress(OSError):
-                if thread.ran() != ran:
-                    threads.add(thread)
-        return frozenset(threads)
+                if (now := thread.ran()) != ran:
+                    runs[thread] = _runs(now) - _runs(ran)
+        return runs
 
     def busy(self, seconds: float) -> frozenset[int]:
         """Return the processes that run for a notable part of `seconds` of wall time, or else all awake processes.
@@ -204,10 +225,8 @@ class WatchedProcesses:
     def awakenings(self) -> dict[int, int]:
         """Return how often processes ran since the last `wait` found all quiet: id -> runs of its busiest thread."""
         runs: dict[int, int] = {}
-        for thread, ran in self.at_rest.items():
-            with suppress(OSError):
-                if (now := thread.ran()) != ran:
-                    runs[thread.pid] = max(runs.get(thread.pid, 0), _runs(now) - _runs(ran))
+        for thread, count in self.stirred().items():
+            runs[thread.pid] = max(runs.get(thread.pid, 0), count)
         return runs
 
     def _run_times(self) -> Iterable[tuple[WatchedThread, int]]:

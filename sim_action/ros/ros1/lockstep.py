@@ -12,6 +12,7 @@ from typing import Final
 
 from sim_action.core.errors import ControllersFinished
 from sim_action.ros.processes import (
+    MAX_SETTLE_S,
     ChildProcesses,
     WatchedProcesses,
     command_line,
@@ -23,10 +24,6 @@ from sim_action.ros.processes import (
 )
 from sim_action.ros.ros1.master import Graph, Master
 
-# Wall time that nodes may compute between two ticks, and that processes may take to become nodes.
-MAX_SETTLE_S: Final = 10.0
-_SETTLE_AFTER_LOSS_S: Final = 0.05  # wall time of the wait at each tick, once lock-step is lost
-_BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compared
 # Processes that wake up at least that often while the clock stands still poll the wall clock. Nodes that wait for sim
 # time wake up twice per second with rospy, and ten times with roscpp; a timer of roscpp polls 1,000 times.
 _MIN_POLLS: Final = 10
@@ -74,7 +71,6 @@ class Lockstep:
         self._given_up: set[int] = set()
         self._joined: set[int] = set()
         self._tests: dict[int, Path] = {}
-        self._patience = MAX_SETTLE_S
         self._pids: Mapping[str, int] = {}
         self._suspects: set[str] = set()
         self._awakenings = Counter[int]()
@@ -86,7 +82,7 @@ class Lockstep:
     @property
     def is_kept(self) -> bool:
         """True if the clock has waited for the nodes all the time."""
-        return self._patience == MAX_SETTLE_S
+        return self._watched.is_kept
 
     def begin(self, commands: Callable[[], frozenset[str]], is_wanted: Callable[[], bool]) -> None:
         """Wait until all nodes are up and connected, or `is_wanted`; `commands`: topics that drive the robot."""
@@ -141,8 +137,8 @@ class Lockstep:
     def settle(self, seconds: float) -> None:
         """Wait until no node has work left at a sim time. Raises ControllersFinished when no node is left."""
         while True:
-            if not self._watched.wait(self._patience):
-                self._lose(seconds)
+            if not self._watched.settle():
+                self.not_reproducible += self._watched.loss(seconds, lambda pids: map(self._name, pids))
                 self._end_if_over()
                 return
             self._end_if_over()
@@ -213,16 +209,6 @@ class Lockstep:
         self._joined |= joined
         self._watched.watch({*nodes, graph.master, os.getpid()})
         return sorted(siblings - joined - self._given_up - {graph.master})
-
-    def _lose(self, seconds: float) -> None:
-        if self.is_kept:
-            names = sorted(set(map(self._name, self._watched.busy(_BUSY_S) - {os.getpid()})))
-            who = f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}" if names else "nodes were"
-            self.not_reproducible.append(
-                f"lock-step was lost at {seconds:g} s of sim time: {who} still busy after {MAX_SETTLE_S:g} s of wall "
-                "time"
-            )
-        self._patience = _SETTLE_AFTER_LOSS_S
 
     def _name(self, pid: int) -> str:
         nodes = sorted(name for name, node_pid in self._pids.items() if node_pid == pid)

@@ -27,10 +27,6 @@ from sim_action.ros.ros2.node_processes import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
 
 CLOCK: Final = "/clock"
-# Wall time that nodes may compute between two ticks, and the wait at each tick once lock-step is lost.
-MAX_SETTLE_S: Final = 10.0
-_SETTLE_AFTER_LOSS_S: Final = 0.05
-_BUSY_S: Final = 0.1  # wall time for which the work of busy processes is compared
 # Wall time for which the clock stands still before it starts, in parts.
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
@@ -61,7 +57,6 @@ class Lockstep:
         self._children: dict[int, ChildProcesses] = {}
         self._child_pids: dict[int, frozenset[int]] = {}
         self._unordered = UnorderedNodes()
-        self._patience = MAX_SETTLE_S
         self.nodes: list[Node] = []
         self.clocks: list[int] = []
         self.losses: list[str] = []
@@ -91,8 +86,8 @@ class Lockstep:
         before = self._watched.at_rest
         while True:
             self._watch()
-            if not self._watched.wait(self._patience):
-                self._lose(seconds)
+            if not self._watched.settle():
+                self.losses += self._watched.loss(seconds, self._names)
                 return
             if not self._has_changed():
                 self.losses += self._unordered.notice_work(before, self._watched.at_rest, time.monotonic())
@@ -107,7 +102,7 @@ class Lockstep:
 
     def notice_wakes(self) -> None:
         """Notice nodes that run at the beginning of a tick, before anything is sent to them."""
-        if self._patience == MAX_SETTLE_S:
+        if self._watched.is_kept:
             self.losses += self._unordered.notice_wakes(self._watched.stirred(), time.monotonic())
 
     def advance(self, seconds: float) -> None:
@@ -138,18 +133,10 @@ class Lockstep:
         self._child_pids = {pid: children.look() for pid, children in self._children.items()}
         self._watched.watch({*alive, self._bridge.process.pid, os.getpid()})
 
-    def _lose(self, seconds: float) -> None:
-        if self._patience == MAX_SETTLE_S:
-            self._patience = _SETTLE_AFTER_LOSS_S
-            busy = self._watched.busy(_BUSY_S)
-            names = [
-                node.process.label for node in self.nodes if {node.process.pid, *descendants(node.process.pid)} & busy
-            ]
-            who = f"the node {' and '.join(map(repr, names))} was" if names else "nodes were"
-            self.losses.append(
-                f"lock-step was lost at {seconds:g} s of sim time, because {who} still busy after {MAX_SETTLE_S:g} s "
-                "of wall time"
-            )
+    def _names(self, busy: frozenset[int]) -> Iterator[str]:
+        for process in (node.process for node in self.nodes):
+            if {process.pid, *descendants(process.pid)} & busy:
+                yield f"the node '{process.label}'"
 
 
 class UnorderedNodes:
