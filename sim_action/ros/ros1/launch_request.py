@@ -48,11 +48,10 @@ End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
 def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
     """Return a failure for each of the first losses that are no remarks, and one that counts the rest."""
+    without = f"; to run without it: {ALLOW_LOSSES}"
     return tuple(
-        Failure(
-            kind="invalid", title=TITLE, message=f"{loss.message}; to run without it: {ALLOW_LOSSES}", location=place
-        )
-        for loss, place in ((loss, loss.location) for loss in _first(loss for loss in losses if not loss.is_remark))
+        Failure(kind="invalid", title=TITLE, message=f"{loss.message}{without}", location=loss.location)
+        for loss in _first(loss for loss in losses if not loss.is_remark)
     )
 
 
@@ -91,7 +90,7 @@ class SimulationRequest(FrozenModel):
 
 
 class SimulationResult(FrozenModel):
-    """The result of a simulation, as the node writes it. Times are s of sim time, except `starting`, before the clock.
+    """The result of a simulation, as the node writes it. Times are s of sim time.
 
     `first_command` None: there was none. `travelled`: m between the first and last place on the ground plane.
     `messages`: topic -> their number. `in_step`: True if nodes and clock were in lock-step throughout. `missing_world`:
@@ -107,7 +106,6 @@ class SimulationResult(FrozenModel):
     travelled: float | None = None
     digest: str | None = None
     real_time_factor: float | None = None
-    starting: float = 0.0
     engine: str | None = None
     notes: tuple[str, ...] = ()
     messages: dict[str, int] = Field(default_factory=dict)

@@ -68,14 +68,6 @@ _VERSION: Final = re.compile(rb"<version>\s*(\d+)\.([\d.]+)\s*</version>")
 _IS_BOOTSTRAPPED: Final = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
 
 
-@dataclass(frozen=True, slots=True)
-class SetUp:
-    """The variables that sourced prefixes set or extend; `unread`: scripts that would have to be run by a shell."""
-
-    variables: Mapping[str, str]
-    unread: tuple[str, ...] = ()
-
-
 def packages_of_prefix(prefix: Path) -> list[str]:
     """Return the names of the packages that are installed in a prefix, each after its dependencies."""
     dependencies: dict[str, set[str]] = {}
@@ -92,17 +84,17 @@ def packages_of_prefix(prefix: Path) -> list[str]:
 
 def set_up(prefixes: Iterable[Path], environment: Mapping[str, str]) -> SetUp:
     """Return the environment after the setup.bash of each prefix, the last one of the list first."""
-    changes = _Changes(environment)
+    changes = SetUp(environment)
     for prefix in reversed(list(prefixes)):
         for package in packages_of_prefix(prefix):
             changes.read_first(prefix, (f"share/{package}/package.dsv", f"share/{package}/local_setup.dsv"))
         # The hook of some builds is missing; all tools of ROS 2 need this variable.
         changes.add("AMENT_PREFIX_PATH", str(prefix))
-    return SetUp(changes.variables, tuple(dict.fromkeys(changes.unread)))
+    return changes
 
 
-class _Changes:
-    """Collects the changes of .dsv files."""
+class SetUp:
+    """The variables that sourced prefixes set or extend; `unread`: scripts that would have to be run by a shell."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         self._environment = environment
@@ -272,7 +264,7 @@ def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
     sourced = set_up(hooked, {**variables, **base})
     names = {"ROS_DISTRO": distribution, "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "RMW_IMPLEMENTATION": RMW}
     changed = {**base, **names, **sourced.variables}
-    return Ros2(place.prefixes, python, distribution, RMW, place.source, changed, sourced.unread)
+    return Ros2(place.prefixes, python, distribution, RMW, place.source, changed, tuple(dict.fromkeys(sourced.unread)))
 
 
 def _check_parts(place: _Place, location: str, distribution: str) -> None:

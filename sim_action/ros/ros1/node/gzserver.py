@@ -85,7 +85,6 @@ def serve(folder: Path, request: SimulationRequest) -> None:
 class _Server:
     def __init__(self, folder: Path, request: SimulationRequest) -> None:
         self._folder, self._request = folder, request
-        self._began = time.monotonic()
         self._limit = _sim_time_limit(request)
         self._notes: list[str] = []
         self._losses: list[Loss] = []
@@ -230,7 +229,6 @@ class _Server:
             travelled=record.travelled,
             digest=record.digest,
             real_time_factor=self._current.time / (now - started) if now > started else None,
-            starting=started - self._began,
             engine=record.engine,
             notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
             messages=dict(sorted(self._traffic.counts.items())),
