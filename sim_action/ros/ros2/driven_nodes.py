@@ -22,12 +22,12 @@ from sim_action.ros.program_failures import ending_of, exit_text, last_location
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
-from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
-from sim_action.ros.ros2.lockstep import CLOCK, Lockstep, Readiness
+from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec
+from sim_action.ros.ros2.lockstep import Lockstep, Readiness
 from sim_action.ros.ros2.node_processes import Node, NodeGroup
 from sim_action.ros.ros2.received_commands import ReceivedCommands, unsent
 from sim_action.ros.ros2.started_nodes import Domain, ListedNodes, scratch_of, set_up_packages
-from sim_action.ros.ros2.topics import DESCRIPTION, TRANSFORM_TOPICS, channels, topics_of
+from sim_action.ros.ros2.topics import DESCRIPTION, TRANSFORM_TOPICS, Channels, channels, topics_of
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Transcript
@@ -62,14 +62,7 @@ def errors_endpoint(publishers: Sequence[TopicEnd]) -> Endpoint:
     return Endpoint(ROSOUT, _LOG_TYPE, qos, least=("level", _ERROR))
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """A line of a node's code that logs errors."""
-
-    node: str
-    level: int
-    file: str
-    line: int
+_Source = tuple[str, int, str, int]  # node, level, and the file and the line of code that log errors
 
 
 class LoggedErrors:
@@ -84,7 +77,7 @@ class LoggedErrors:
 
     def take(self, message: Message, seconds: float | None) -> None:
         """Take a message of the topic, at a sim time in s; None: sim time has not begun."""
-        source = _Source(message["name"], message["level"], message["file"], message["line"])
+        source = message["name"], message["level"], message["file"], message["line"]
         when = "before sim time began" if seconds is None else f"at {seconds:g} s of sim time"
         said = shortened(escaped_line(message["msg"].strip()), _MAX_CHARS)
         place, _ = self._first.setdefault(source, (len(self._first), f"{when}: {said}"))
@@ -95,13 +88,13 @@ class LoggedErrors:
         self.messages[place : place + 1] = [text]
 
     def _text(self, source: _Source) -> str:
+        node, level, file, line = source
         times = self._times[source]
-        kind = "a fatal error" if source.level >= _FATAL else "an error"
+        kind = "a fatal error" if level >= _FATAL else "an error"
         often = f" {times} times, first" if times > 1 else ""
-        is_known = Path(source.file).is_absolute()
-        place = last_location([(source.file, source.line)], self._directory) if is_known else None
+        place = last_location([(file, line)], self._directory) if Path(file).is_absolute() else None
         where = f" ({place})" if place else ""
-        return escaped_line(f"the node '{source.node}' logged {kind}{often} {self._first[source][1]}{where}")
+        return escaped_line(f"the node '{node}' logged {kind}{often} {self._first[source][1]}{where}")
 
 
 def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
@@ -147,7 +140,7 @@ def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> No
     if spec.launch is None:
         return ListedNodes(spec, session.packages, scene.workspace, session.folder)
     package, name, *arguments = spec.launch
-    packages, topics = session.packages, robot_topics(spec, rate, scene)
+    packages, topics = session.packages, robot_channels(spec, rate, scene)
     if packages.ros is None or (file := packages.launch_files(package).get(name)) is None:
         raise SourceProblem(f"'{package}/{name}' does not exist any more", _KEY)
     root = scene.workspace.root
@@ -155,13 +148,9 @@ def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> No
     return LaunchedNodes(launched, session.folder)
 
 
-def robot_topics(spec: Ros2Nodes, rate: float, scene: Scene) -> RobotTopics:
-    """Return the names of the topics of the robot."""
-    robot_channels = channels(scene, spec.topics, rate, spec.controllers, space=spec.space)
-    published = {publisher.topic for publisher in robot_channels.publishers} | {CLOCK}
-    return RobotTopics(
-        frozenset(subscription.topic for subscription in robot_channels.subscriptions), frozenset(published)
-    )
+def robot_channels(spec: Ros2Nodes, rate: float, scene: Scene, *, described: bool = False) -> Channels:
+    """Return the topics of the robot; `described`: another node publishes its description."""
+    return channels(scene, spec.topics, rate, spec.controllers, described=described, space=spec.space)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +194,7 @@ class DrivenNodes:
         self.transcript = Transcript()
         self.notes = list[str]()
         self._started_at: float | None = None
-        self.space, self.seconds, self.topics = spec.space, -1 / rate, set[str]()
+        self.space, self.seconds, self.topics = spec.space, -1 / rate, frozenset[str]()
         self.listeners = list[int]()
         self._inbox = list[tuple[int, Message]]()
         self._largest: dict[str, int] = {}
@@ -360,37 +349,22 @@ class DrivenNodes:
 
     def _open_topics(self) -> None:
         """Open the topics of the robot."""
-        stated, scene = self._spec.topics, self._scene
         description = self.space + DESCRIPTION
         described = bool(self._bridge.graph([description]).publishers[description])
-        robot_channels = channels(
-            scene, stated, self._rate, self._spec.controllers, described=described, space=self.space
-        )
-        self.topics = {publisher.topic for publisher in robot_channels.publishers} | {
-            subscription.topic for subscription in robot_channels.subscriptions
-        }
-        for robot in self._session.robots[:-1]:
-            if both := sorted(self.topics & robot.topics - TRANSFORM_TOPICS):
+        robot = robot_channels(self._spec, self._rate, self._scene, described=described)
+        self.topics = robot.published | robot.commands
+        for other in self._session.robots[:-1]:
+            if both := sorted(self.topics & other.topics - TRANSFORM_TOPICS):
                 raise SourceProblem(f"'{both[0]}' is already a topic of another robot; change 'topics' of one", _KEY)
-        types = {publisher.type for publisher in robot_channels.publishers} | {
-            kind for subscription in robot_channels.subscriptions for kind in subscription.types
-        }
+        types = {publisher.type for publisher in robot.publishers}
+        types.update(kind for subscription in robot.subscriptions for kind in subscription.types)
         available = self._bridge.known_types(types)
         for kind in sorted(types - available):
-            topics = [publisher.topic for publisher in robot_channels.publishers if publisher.type == kind]
-            if topics:
+            if topics := [publisher.topic for publisher in robot.publishers if publisher.type == kind]:
                 self.notes.append(f"not published, because ROS 2 has no {kind}: {', '.join(topics)}")
-        publishers = [publisher for publisher in robot_channels.publishers if publisher.type in available]
-        graph = self._bridge.graph(
-            [
-                ROSOUT,
-                *(publisher.topic for publisher in robot_channels.publishers),
-                *(subscription.topic for subscription in robot_channels.subscriptions),
-            ]
-        )
-        heard = [
-            subscription for subscription in robot_channels.subscriptions if available.intersection(subscription.types)
-        ]
+        publishers = [publisher for publisher in robot.publishers if publisher.type in available]
+        graph = self._bridge.graph({ROSOUT, *self.topics})
+        heard = [subscription for subscription in robot.subscriptions if available.intersection(subscription.types)]
         subscriptions = [subscription.matched(graph.publishers[subscription.topic]) for subscription in heard]
         for publisher in publishers:
             self._misfits += subscriber_problems(

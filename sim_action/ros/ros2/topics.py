@@ -140,8 +140,18 @@ CLOCK_QOS: Final = USUAL
 class Channels:
     """All topics of a robot except its clock."""
 
-    publishers: tuple[Publisher, ...]
-    subscriptions: tuple[Subscription, ...]
+    publishers: tuple[Publisher, ...] = ()
+    subscriptions: tuple[Subscription, ...] = ()
+
+    @property
+    def published(self) -> frozenset[str]:
+        """The topics that the robot publishes."""
+        return frozenset(publisher.topic for publisher in self.publishers)
+
+    @property
+    def commands(self) -> frozenset[str]:
+        """The topics on which the robot takes commands."""
+        return frozenset(subscription.topic for subscription in self.subscriptions)
 
 
 def topics_of(

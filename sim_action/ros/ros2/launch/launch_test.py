@@ -36,10 +36,10 @@ from sim_action.ros.launches import LaunchRequest, OpenCommands
 from sim_action.ros.program_failures import traceback_location
 from sim_action.ros.result_files import Case, expectation_of, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
-from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_topics
+from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_channels
 from sim_action.ros.ros2.graph import LATCHED
 from sim_action.ros.ros2.installation import find_ros
-from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
+from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec
 from sim_action.ros.ros2.packages import Packages, workspace_of
 from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes
 from sim_action.runner.isolation.child_process import environment
@@ -224,16 +224,14 @@ class _LaunchTest:
         inherited = {**environment(request.pass_env), **node_start.variables(request.seed)}
         session = Session.open(asked, ros, workspace, inherited, undo)
         self._results = session.folder.path / "results.xml"
-        nothing = RobotTopics(frozenset(), frozenset())
         spec = LaunchSpec(
             self._file,
             ros.python,
             request.arguments,
             self._root,
-            nothing,
-            request.allows_losses,
-            self._results,
-            request.package,
+            allows_losses=request.allows_losses,
+            results=self._results,
+            package=request.package,
         )
         launched = LaunchedNodes(spec, session.folder)
         undo.callback(self._keep_results)
@@ -242,7 +240,7 @@ class _LaunchTest:
         session.bridge.await_start()
         robot = spawned_robot(programs, session.bridge, session.folder.path)
         scenario, scene = self._scene(robot, workspace)
-        launched.topics = robot_topics(asked, rate, scene)
+        launched.topics = robot_channels(asked, rate, scene)
         nodes = DrivenNodes(asked, rate, scene, session, launched)
         scenario = scenario.model_copy(update={"commands": (OpenCommands.of(controller_of(nodes), rate),)})
         run = simulate(scenario, scene, self._look_at_interruption)

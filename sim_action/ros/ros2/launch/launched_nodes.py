@@ -33,8 +33,9 @@ from sim_action.ros.launches import ALLOW_LOSSES
 from sim_action.ros.lost_parts import LeftOutProgram, accepted_losses, left_out_notes, lost_parts
 from sim_action.ros.processes import descendants
 from sim_action.ros.program_failures import error_with_output, exit_text, last_location, node_error
-from sim_action.ros.ros2.lockstep import clock_of
+from sim_action.ros.ros2.lockstep import CLOCK, clock_of
 from sim_action.ros.ros2.node_processes import LaunchedProcess, Node, NodeGroup
+from sim_action.ros.ros2.topics import Channels
 
 if TYPE_CHECKING:
     from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
@@ -127,14 +128,6 @@ def generate_launch_description():
 
 
 @dataclass(frozen=True, slots=True)
-class RobotTopics:
-    """The topics on which the robot of the scenario takes commands, and the topics that it publishes."""
-
-    commands: frozenset[str]
-    published: frozenset[str]
-
-
-@dataclass(frozen=True, slots=True)
 class LaunchSpec:
     """The input of a launch; `results`: file of results of a launch test, which name `package`; None: a launch file."""
 
@@ -142,7 +135,7 @@ class LaunchSpec:
     python: Path
     arguments: Sequence[str]
     workspace: Path
-    topics: RobotTopics
+    topics: Channels = Channels()
     allows_losses: bool = False
     results: Path | None = None
     package: str = ""
@@ -200,7 +193,7 @@ class LaunchedNodes(NodeGroup):
         remedy = "set allow_losses: true" if self._spec.results is None else f"use {ALLOW_LOSSES}"
         self.losses += accepted_losses(losses, _KEY, allowed=self._spec.allows_losses, remedy=remedy)
         self.notes += left_out_notes(self._left_out)
-        self.notes += unheard_bridges(self._left_out, self.topics.published)
+        self.notes += unheard_bridges(self._left_out, self.topics.published | {CLOCK})
 
     def await_programs(self) -> list[LeftOutProgram]:
         """Wait until all processes are started; return the programs that are left out. Raise ScriptError."""
