@@ -43,7 +43,7 @@ def _ignore_ended(_: frozenset[int]) -> None:
 
 
 class Lockstep:
-    """The lock-step: holds the clock until all nodes wait; `node`: our own name among them.
+    """The lock-step: holds the clock until all nodes wait.
 
     `launcher`: the process that starts nodes. `listeners`: returns the current connections of nodes to our clock.
     `gone`: called with the ids of the launcher's processes that have ended.
@@ -54,7 +54,6 @@ class Lockstep:
     def __init__(
         self,
         master: Master,
-        node: str,
         launcher: int,
         is_shutdown: Callable[[], bool],
         listeners: Callable[[], frozenset[object]],
@@ -62,7 +61,7 @@ class Lockstep:
         gone: Callable[[frozenset[int]], None] = _ignore_ended,
         newcomers_within: float = MAX_SETTLE_S,
     ) -> None:
-        self._master, self._node, self._is_shutdown = master, node, is_shutdown
+        self.master, self._is_shutdown = master, is_shutdown
         self._current_listeners, self._gone, self._newcomers_within = listeners, gone, newcomers_within
         self._listeners = frozenset[object]()
         self._watched = WatchedProcesses(spared=threading.get_native_id())
@@ -90,12 +89,12 @@ class Lockstep:
         calm_since = time.monotonic()
         before: Graph | None = None
         while not is_wanted():
-            graph = self._master.graph()
+            graph = self.master.graph()
             if graph != before:
                 before, calm_since = graph, time.monotonic()
             calm = time.monotonic() - calm_since
-            is_driven = any(graph.publishers.get(topic, frozenset()) - {self._node} for topic in commands())
-            unconnected = self._master.first_unconnected(graph)
+            is_driven = any(graph.publishers.get(topic, frozenset()) - {self.master.caller} for topic in commands())
+            unconnected = self.master.first_unconnected(graph)
             if calm > MAX_SETTLE_S or (unconnected is None and (is_driven or calm > _CALM_S)):
                 self._note_unconnected(unconnected, MAX_SETTLE_S)
                 break
@@ -162,7 +161,7 @@ class Lockstep:
     def _leavers(self) -> set[int]:
         joined = self._launcher.look() & self._joined - self._given_up
         try:
-            nodes = frozenset(self._master.graph().pids.values()) if joined else frozenset[int]()
+            nodes = frozenset(self.master.graph().pids.values()) if joined else frozenset[int]()
         except OSError:  # the master has ended
             return set()
         return {pid for pid in joined if has_ended(pid) or not _is_among(pid, nodes)}
@@ -177,7 +176,7 @@ class Lockstep:
                 late = f"did not become a ROS node within {self._newcomers_within:g} s of wall time"
                 self.notes += (f"'{process_name(pid)}' {late}; the clock does not wait for it" for pid in missing)
             time.sleep(_POLL_S)
-        while (unconnected := self._master.first_unconnected(self._master.graph())) and time.monotonic() < deadline:
+        while (unconnected := self.master.first_unconnected(self.master.graph())) and time.monotonic() < deadline:
             time.sleep(_POLL_S)
         return unconnected
 
@@ -191,7 +190,7 @@ class Lockstep:
                 self.not_reproducible.append(reason)
 
     def _note_misfits(self) -> None:
-        self.notes += (note for note in self._master.misfit_notes() if note not in self.notes)
+        self.notes += (note for note in self.master.misfit_notes() if note not in self.notes)
 
     def _missing(self) -> list[int]:
         """Return the processes of the launcher that are no nodes, and have not started one."""
@@ -202,7 +201,7 @@ class Lockstep:
         if self._tests and self._tests.keys().isdisjoint(siblings):
             raise TestFinished("the test has finished")
         self._tests = {pid: path for pid in siblings if (path := rostest_result_path(pid))}
-        graph = self._master.graph()
+        graph = self.master.graph()
         self._pids = graph.pids
         nodes = frozenset(graph.pids.values())
         joined = {pid for pid in siblings if _is_among(pid, nodes)}
@@ -224,7 +223,9 @@ class Lockstep:
             self._awakenings[pid] += runs
             rate = self._awakenings[pid] / self._stood_s
             if self._awakenings[pid] >= _MIN_POLLS and rate >= _MIN_POLLS_HZ:
-                for node in (name for name, node_pid in self._pids.items() if node_pid == pid and name != self._node):
+                for node in (
+                    name for name, node_pid in self._pids.items() if node_pid == pid and name != self.master.caller
+                ):
                     self.suspect(
                         node, f"it wakes up {rate:.0f} times per second of wall time while the clock stands still"
                     )

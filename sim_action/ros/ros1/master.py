@@ -61,7 +61,7 @@ class Master:
     """A running master; `caller`: the name of the node that asks; `logs`: folder in which nodes leave files."""
 
     def __init__(self, uri: str, caller: str, logs: Path | None = None) -> None:
-        self._caller, self._logs = caller, logs
+        self.caller, self._logs = caller, logs
         self._master = _server(uri)
         self._pids: dict[str, tuple[str, int]] = {}
         self._master_pid = 0
@@ -99,7 +99,7 @@ class Master:
         return escaped_line(f"{subscribes}, but {self._shown(misfit.publisher)} publishes {other}")
 
     def _shown(self, node: str) -> str:
-        return "the robot" if node == self._caller else f"the node '{node.removeprefix('/')}'"
+        return "the robot" if node == self.caller else f"the node '{node.removeprefix('/')}'"
 
     def _misfits(self, graph: Graph) -> set[Misfit]:
         """Return the refused subscribers among the nodes that are up."""
@@ -121,7 +121,7 @@ class Master:
         """Yield the topic of each incoming connection of a node."""
         with suppress(OSError, xmlrpc.client.Error, LookupError):
             with _server(self._pids[node][0]) as server:
-                _, _, connections = server.getBusInfo(self._caller)
+                _, _, connections = server.getBusInfo(self.caller)
             for _, _, direction, _, topic, connected, *_ in connections:
                 if direction == _INBOUND and connected:
                     yield str(topic)
@@ -131,14 +131,14 @@ class Master:
             uri = self._ask("lookupNode", node)
             if self._pids.get(node, ("", 0))[0] != uri:
                 with _server(uri) as server:
-                    _, _, pid = server.getPid(self._caller)
+                    _, _, pid = server.getPid(self.caller)
                 self._pids[node] = (uri, int(pid))
             return self._pids[node][1] if Path("/proc", str(self._pids[node][1])).exists() else None
         return None
 
     def _ask(self, method: str, *arguments: object) -> Any:
         try:
-            code, message, value = getattr(self._master, method)(self._caller, *arguments)
+            code, message, value = getattr(self._master, method)(self.caller, *arguments)
         except (OSError, xmlrpc.client.Error) as error:
             raise OSError(f"the master does not answer: {error}") from None
         if code != _SUCCESS:

@@ -141,7 +141,7 @@ def test_a_node_that_leaves_while_another_one_connects_is_awaited(
 ) -> None:
     connections = iter([{"leaver"}, {"newcomer"}])
     awaited: list[bool] = []
-    clock = lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, lambda: frozenset(next(connections)))
+    clock = lockstep.Lockstep(asking, os.getpid(), lambda: False, lambda: frozenset(next(connections)))
     monkeypatch.setattr(clock, "await_leavers", lambda: awaited.append(True))
     clock.deliver(0.0, ())
     assert not awaited
@@ -162,7 +162,7 @@ def posing(pid: int) -> Iterator[str]:
 
 
 def lockstep_of(asking: Master) -> lockstep.Lockstep:
-    return lockstep.Lockstep(asking, "/looker", os.getpid(), lambda: False, frozenset, newcomers_within=0.2)
+    return lockstep.Lockstep(asking, os.getpid(), lambda: False, frozenset, newcomers_within=0.2)
 
 
 def test_a_clock_that_starts_although_a_node_is_not_connected_is_not_reproducible(

@@ -28,8 +28,7 @@ from sim_action.robot.model.robot_spec import IN_WORLD
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world
 from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
 from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
-from sim_action.ros.ros1.lockstep import Lockstep, TestFinished
-from sim_action.ros.ros1.master import Master
+from sim_action.ros.ros1.lockstep import TestFinished
 from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, Pace, Session
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.ros.ros1.node.services import GazeboServices
@@ -94,16 +93,9 @@ class _Server:
         self._traffic = Traffic()
         self._changes = ChangeQueue()
         self._current = CurrentState(WorldModels(World()))
-        name = rospy.get_name()
         paused = Event()
         topics = GazeboTopics(self._traffic)
-        self._lockstep = Lockstep(
-            Master(os.environ["ROS_MASTER_URI"], name, Path(os.environ["ROS_LOG_DIR"])),
-            name,
-            os.getppid(),
-            rospy.is_shutdown,
-            lambda: topics.listeners,
-        )
+        self._lockstep = topics.lockstep(os.getppid())
         if rospy.get_param("/gazebo/paused", default="-u" in rospy.myargv()):
             paused.set()
         self._session = Session(

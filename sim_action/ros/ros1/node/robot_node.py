@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import rospy
@@ -33,8 +31,6 @@ from sim_action.ros.messages import (
 )
 from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, topics_of
 from sim_action.ros.ros1.launch.ros_patches import note_misfits
-from sim_action.ros.ros1.lockstep import Lockstep
-from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
 from sim_action.ros.ros1.node.message_classes import twist_of
 from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic, WallClockWatch
@@ -80,15 +76,8 @@ class RobotNode:
         rospy.init_node(NAME.strip("/"), disable_signals=True)
         self._traffic = traffic = Traffic()
         self._states = GazeboTopics(traffic)
-        self._master = Master(os.environ["ROS_MASTER_URI"], NAME, Path(os.environ["ROS_LOG_DIR"]))
-        self._lockstep = Lockstep(
-            self._master,
-            NAME,
-            nodes.launcher,
-            rospy.is_shutdown,
-            lambda: self._states.listeners,
-            gone=nodes.await_exits,
-            newcomers_within=spec.start_within,
+        self._lockstep = self._states.lockstep(
+            nodes.launcher, gone=nodes.await_exits, newcomers_within=spec.start_within
         )
         self.not_reproducible = self._lockstep.not_reproducible
         self.transcript = Transcript()
@@ -144,7 +133,7 @@ class RobotNode:
         """Return the note on a robot that no node drove, with other topics of type Twist."""
         topic = self._subscription.topic
         try:
-            twists = self._master.published(_TWIST)
+            twists = self._lockstep.master.published(_TWIST)
         except (OSError, LookupError):
             twists = {}
         others = sorted(name for name, by in twists.items() if name != topic and by - {NAME})

@@ -17,7 +17,7 @@ from functools import partial
 from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
@@ -30,12 +30,11 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.messages import clock_message, odometry_message, transforms_message
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
+from sim_action.ros.ros1.lockstep import Lockstep
+from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.message_classes import filled, pose_message, twist_message
 from sim_action.ros.ros1.node.world_models import States
 from sim_action.state.trace import Transcript
-
-if TYPE_CHECKING:
-    from sim_action.ros.ros1.lockstep import Lockstep
 
 GROUND: Final = "ground_plane"  # Gazebo's name of the ground
 _AT_REST: Final = Pose(), Twist()
@@ -222,14 +221,14 @@ class GazeboTopics:
         self._links = Publisher(rospy.resolve_name("~link_states"), LinkStates, traffic)
 
     @property
-    def listeners(self) -> frozenset[object]:
-        """The connections of nodes to the clock."""
-        return self._clock.connections
-
-    @property
     def has_link_subscribers(self) -> bool:
         """True if a node subscribes to link states."""
         return self._links.has_subscribers
+
+    def lockstep(self, launcher: int, **more: Any) -> Lockstep:
+        """Return the lock-step of the nodes that hear the clock; see Lockstep."""
+        master = Master(os.environ["ROS_MASTER_URI"], rospy.get_name(), Path(os.environ["ROS_LOG_DIR"]))
+        return Lockstep(master, launcher, rospy.is_shutdown, lambda: self._clock.connections, **more)
 
     def publish_time(self, seconds: float) -> None:
         """Publish the clock."""
