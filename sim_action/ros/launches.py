@@ -166,6 +166,19 @@ class OpenCommands(CommandSource):
         return self._controller
 
 
+_OPTIONS: Final = {
+    "workspace": "--workspace",
+    "backend": "--backend",
+    "seed": "--seed",
+    "sim_time_limit": "--sim-time-limit",
+    "real_time_factor": "--rtf",
+    "wall_limit": "--wall-limit",
+    "allows_losses": ALLOW_LOSSES,
+    "strict": "--strict",
+}
+"""Field of a request -> its option on the command line."""
+
+
 @dataclass(frozen=True, slots=True)
 class LaunchRequest:
     """A call of rostest, roslaunch or launchtest; `more`: package and name of each further launch file.
@@ -204,23 +217,11 @@ class LaunchRequest:
 
     def _options(self) -> Iterator[str]:
         """Yield the options that differ from their defaults."""
-        if self.workspace != Path():
-            yield from ("--workspace", str(self.workspace))
-        if self.backend != "auto":
-            yield from ("--backend", self.backend)
-        if self.seed:
-            yield from ("--seed", str(self.seed))
-        numbers = {
-            "--sim-time-limit": self.sim_time_limit,
-            "--rtf": self.real_time_factor,
-            "--wall-limit": self.wall_limit,
-        }
-        for option, number in numbers.items():
-            if number is not None:
-                yield from (option, repr(number).removesuffix(".0"))
-        if self.allows_losses:
-            yield ALLOW_LOSSES
-        if self.strict:
-            yield "--strict"
+        usual = LaunchRequest(self.program, self.package, self.file)
+        for name, option in _OPTIONS.items():
+            if (value := getattr(self, name)) != getattr(usual, name):
+                yield option
+                if value is not True:
+                    yield repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
         for name in self.pass_env:
             yield from ("--pass-env", name)

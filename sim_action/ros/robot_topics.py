@@ -56,14 +56,9 @@ def topic_problems(stated: Mapping[str, str], topics: Mapping[str, str]) -> Spec
     for name in stated:
         if name not in topics:
             yield (name,), f"the robot has no '{name}'{did_you_mean(name, topics)}"
-    yield from (((name,), message) for name, message in _twice(stated, topics))
-
-
-def _twice(stated: Mapping[str, str], topics: Mapping[str, str]) -> Iterator[tuple[str, str]]:
     for name in stated:
-        others = [other for other, topic in topics.items() if other != name and topic == topics.get(name)]
-        if others:
-            yield name, f"'{topics[name]}' is already the topic of '{others[0]}'"
+        if others := [other for other, topic in topics.items() if other != name and topic == topics.get(name)]:
+            yield (name,), f"'{topics[name]}' is already the topic of '{others[0]}'"
 
 
 def plain_name(name: str) -> str:

@@ -60,6 +60,7 @@ _MAX_WAIT_S: Final = 20.0
 _POLL_S: Final = 0.01
 _PHYSICS_RATE_HZ: Final = 200.0
 _MAX_SIM_TIME_S: Final = 60.0
+_RUN_FIELDS: Final = ("end", "sim_time", "travelled", "digest", "engine", "notes", "model_notes")
 
 # Rules about driving. A launch test may be about something else, and no file of it can allow a finding.
 _OF_DRIVING: Final = frozenset({"silent-controller", "drive-never-commanded"})
@@ -286,15 +287,5 @@ def _measured(run: SimulationRun | None, where: Location) -> dict[str, Any]:
     """Return the fields of an outcome that are known from a run; `where`: the place of its warnings."""
     if run is None:
         return {}
-    return {
-        "end": run.end,
-        "sim_time": run.sim_time,
-        "travelled": run.travelled,
-        "digest": run.digest,
-        "engine": run.engine,
-        "notes": run.notes,
-        "model_notes": run.model_notes,
-        "warnings": tuple(
-            AuditWarning(rule=finding.rule, message=finding.message, location=where) for finding in run.findings
-        ),
-    }
+    warnings = (AuditWarning(rule=finding.rule, message=finding.message, location=where) for finding in run.findings)
+    return {**{key: getattr(run, key) for key in _RUN_FIELDS}, "warnings": tuple(warnings)}
