@@ -38,7 +38,8 @@ class Frames:
 
     def receive(self) -> Any:
         """Return the content of the next frame. Raises EOFError if the other end is closed."""
-        text, blob = self._part(), memoryview(self._part())
+        text = self._part()
+        blob = memoryview(self._part())
 
         def unpacked(value: dict[str, Any]) -> Any:
             if "$array" not in value:
