@@ -249,6 +249,7 @@ def test_an_interrupted_search_leaves_reports_and_no_pass_and_goes_on_with_resum
     pytest.importorskip("mujoco")
     factors = ("--factor", "friction", "--factor", "mass", "--runs", "10")
     whole = margins_of(tmp_path, PUSHED, *factors)
+    assert [side["end"] for side in whole if side["factor"] == "mass"] == pytest.approx([0.2, 5.0])
     wanted = Search.next_values
 
     def interrupted(search: Search) -> Any:

@@ -165,6 +165,7 @@ def test_the_most_likely_kind_comes_first() -> None:
     kinds = [reason.partition(":")[0] for reason in why_not_recognised(cart(*FOUR, wheel("e", 0.5, 0.3)))]
     assert kinds == ["skid", "diff", "mecanum", "ackermann"]
     assert why_not_recognised(cart(steered("a", 0.5, 0.0), *PAIR))[0].startswith("ackermann: steering joints: 1")
+    assert why_not_recognised(cart(PAIR[0], *FOUR[2:]))[0].startswith("diff: wheels on the ground that could be driven")
 
 
 @pytest.mark.parametrize(("below", "expected"), [(0.002, DIFF), (0.04, DIFF), (0.06, None)])

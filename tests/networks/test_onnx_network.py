@@ -206,6 +206,15 @@ def test_all_files_together_have_a_limit(tmp_path: Path, monkeypatch: pytest.Mon
         session(tmp_path, externally("w"))
 
 
+def test_the_number_of_files_with_weights_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "w").write_bytes(bytes(16))
+    monkeypatch.setattr(onnx_network, "_MAX_DATA_FILES", 1)
+    session(tmp_path, externally("w"))
+    weights = [external(name, (2, 2), name) for name in "wv"]
+    with pytest.raises(NetworkProblem, match="has weights in 2 files; at most 1 are read"):
+        session(tmp_path, model([node("MatMul", ["w", "v"], ["y"])], {}, {"y": (2, 2)}, weights))
+
+
 @pytest.mark.parametrize(
     "content",
     [

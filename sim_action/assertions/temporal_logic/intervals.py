@@ -212,9 +212,7 @@ def _has_solution(rows: tuple[Row, ...], possible: Possible, *, strict: bool) ->
         below = [(row, is_strict) for row, is_strict in left if row.get(name, 0.0) < 0]
         left = [(row, is_strict) for row, is_strict in left if not row.get(name, 0.0)]
         for (one, first), (other, second) in product(above, below):
-            joined = _added(_added({}, one, 1 / one[name]), other, -1 / other[name])
-            joined.pop(name)
-            left.append((joined, first or second))
+            left.append((_added(_added({}, one, 1 / one[name]), other, -1 / other[name]), first or second))
         if len(left) > _MAX_ROWS:
             raise _Unclear
     return not any(row.get(None, 0.0) < 0 or (is_strict and row.get(None, 0.0) <= 0) for row, is_strict in left)

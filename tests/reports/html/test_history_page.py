@@ -13,7 +13,7 @@ from sim_action.cli.main import call
 from sim_action.core.errors import UsageError
 from sim_action.reports.html.history_page import HISTORY_FILE, History, histories, read_runs, write_history
 from sim_action.results.outcome import Failure, Outcome, Scope
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import like
 from tests.reports.samples import SAMPLES, results_of
 
@@ -87,12 +87,21 @@ def test_the_page_names_the_commit_and_draws_each_run(folder: Path, capsys: pyte
     assert "<script" not in page
 
 
-def test_of_goals_the_time_that_is_left_is_drawn(folder: Path) -> None:
-    verdict = Verdict(passed=True, message="arrived", margin=0.1, unit="m", time=2.0, goal=True)
+@pytest.mark.parametrize(
+    ("verdict", "drawn"),
+    [
+        (Verdict(passed=True, message="arrived", margin=0.1, unit="m", time=2.0, goal=True), (28.0, "28 s")),
+        (Verdict(passed=False, message="cut off", margin=0.1, unit="m", cut_off=True), (None, "")),
+        (Verdict(passed=False, message="no moment", margin=0.1, unit="m", judged=Judged(0)), (None, "")),
+    ],
+)
+def test_of_goals_the_time_that_is_left_is_drawn_and_nothing_without_a_judgement(
+    verdict: Verdict, drawn: tuple[float | None, str], folder: Path
+) -> None:
     goal = like(PASSED.expectations[0], verdict=verdict, scope=Scope(end=30.0))
-    results_of(like(PASSED, expectations=(goal,))).write(_made(folder / "a"))
+    results_of(like(PASSED, status=verdict.status, expectations=(goal,))).write(_made(folder / "a"))
     (point,) = only(folder).points
-    assert (point.value, point.shown) == (28.0, "28 s")
+    assert (point.value, point.shown) == drawn
 
 
 def test_only_the_charts_of_broken_scenarios_are_seen_at_once(folder: Path) -> None:

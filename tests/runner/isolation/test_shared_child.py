@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -74,6 +75,23 @@ def test_runs_share_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_process_is_replaced_after_some_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim_action.runner.isolation.linux_child.MAX_RUNS", 2)
     assert forks(loaded(tmp_path, [""] * 5), tmp_path, monkeypatch) == 3
+
+
+@pytest.mark.parametrize("error", [OSError, MemoryError])
+def test_a_process_that_takes_no_other_run_is_ended_and_replaced(
+    error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended: list[int] = []
+    end = linux_child.SharedChild.end
+
+    def noted(child: linux_child.SharedChild) -> None:
+        ended.append(child._pid)
+        end(child)
+
+    monkeypatch.setattr(linux_child.SharedChild, "next", Mock(side_effect=error))
+    monkeypatch.setattr(linux_child.SharedChild, "end", noted)
+    assert forks(loaded(tmp_path, [""] * 2), tmp_path, monkeypatch) == 2
+    assert len(set(ended)) == 2
 
 
 def test_runs_that_share_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
