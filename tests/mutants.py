@@ -2,9 +2,10 @@
 
     python -m tests.mutants --sample 100 --seed 7
 
-Each change, a mutant, is made in a copy of the repository. Tests of the same module run first, then those of its
-folder, and so on. The first that fails twice ends the search. A test that also fails without the mutant is left out. A
-mutant that means the same as the original is listed with its reason in `equivalent_mutants.toml`, and is not drawn.
+Each change, a mutant, is made in a copy of the repository. One run of the suite finds the tests that reach each place;
+these run, the quickest first. A mutant is noticed by a test that fails, passes without the mutant, and fails
+again with it. A mutant that means the same as the original is listed with its reason in `equivalent_mutants.toml`, and
+is not drawn.
 
 mutmut and cosmic-ray are not used: they draw no sample per folder, and mutmut needs tests in one process.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import json
 import os
 import random
 import re
@@ -27,7 +29,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import count, islice
+from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
@@ -35,44 +37,35 @@ from typing import Final
 
 import pytest
 
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE
 from tests.mutations import Mutant, mutants
+from tests.reached_places import durations_s, insert_probes, reaching
+from tests.ros.ros2.nodes import WHEELS
 
 ROOT: Final = Path(__file__).parents[1]
 EQUIVALENT: Final = ROOT / "tests/equivalent_mutants.toml"
 LEAST_SHARE: Final = 0.92
-_FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?::.*?|\S+)(?: - .*)?$", re.MULTILINE)
+_FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (?!.*\[ *\d+%\]$).*$", re.MULTILINE)
+_BEGAN: Final = re.compile(r"^(tests/\S+::.*?) *\Z", re.MULTILINE)
 # No test is that long, on a busy machine either.
 _SILENCE_S: Final = 300.0
 _LOOK_EVERY_S: Final = 0.1
+_WORKERS_PER_JOB: Final = 3
+# What is noticed in a part needs no later one: processes take most of the time of the suite.
+_PARTS: Final = (
+    ("tests", "-m", "not process", "--ignore", "tests/integration"),
+    ("tests", "-m", "process", "--ignore", "tests/integration"),
+    ("tests/integration",),
+)
 _stopped: Final = Event()
-_WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
-# Files of tests/integration that look at a folder; those of ROS take minutes.
-INTEGRATION: Final = {
-    "app": "cli suites inspect templates shards watch",
-    "assertions": "temporal_logic signals driven_worlds suites selecting_nothing still_green verdicts_of_runs",
-    "cli": "cli suites shards inspect",
-    "commands": "probe motor_work joint_trajectories moving_worlds stated_faults robots",
-    "core": "cli bad_models execution probe",
-    "drives": "drives moving_worlds odometry wheel_limits robots",
-    "engines": "backends joint_physics physics pybullet clearances rays worlds moving_worlds meshes "
-    "engine_tables motor_work driven_worlds sensors_of_robots camera native_robots bolted_contacts "
-    "contact_limits joint_damping engine_differences",
-    "meshes": "meshes mesh_cache",
-    "networks": "policies",
-    "recording": "recordings replay replayed_links filming report_in_browser",
-    "reports": "cli suites report_in_browser replay",
-    "results": "cli suites shards repeats verdicts_of_runs kept_verdicts resume",
-    "robot": "robots bad_models sdf native_robots meshes inspect templates",
-    "ros": "ros1_processes ros1_launches ros1_scenarios ros1",
-    "runner": "execution processes repeats golden_runs killers resource_guards shards inspection_process "
-    "kept_verdicts resume interruptions injected_faults",
-    "scenario": "cli suites worlds moving_worlds watch selecting_nothing",
-    "sensors": "sensors_of_robots camera odometry rays",
-    "simulation": "execution physics stated_faults driven_worlds odometry templates golden_runs tunnelling "
-    "pinned_robots accuracy_notes jumps verdicts_of_runs preloading",
-    "state": "repeats golden_runs signals recordings",
-    "world": "worlds moving_worlds meshes",
-}
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A test that failed, or None if pytest failed before the first, and why."""
+
+    test: str | None
+    reason: str
 
 
 @dataclass(slots=True)
@@ -98,31 +91,41 @@ class Copy:
         path.write_text(text, encoding="utf-8")
         os.utime(path, (now := next(self._clock), now))
 
-    def first_failure(self, *arguments: str) -> str | None:
-        """Run tests up to the first that fails, and return its name; None: none fails."""
-        options = ("-n", "0", "-q", "-x", "-p", "no:cacheprovider", "-rfE", "--tb=no", "--no-header")
+    def first_failure(self, tests: Sequence[str], *options: str) -> Failure | None:
+        """Run tests, in this order, up to the first that fails."""
+        options = ("-n", "0", "-v", "-x", "-rfE", "--tb=no", "--no-header", *options)
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
-            environment = {**os.environ, "PYTHONPATH": str(self.folder), "TMPDIR": scratch}
-            output = Path(scratch) / "output.txt"
-            with output.open("wb") as words:
-                tests = subprocess.Popen(
-                    [sys.executable, "-u", "-m", "pytest", *options, *arguments],
-                    cwd=self.folder,
-                    env=environment,
-                    stdout=words,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,
-                )
-            code = _exit_code(tests, output)
-            printed = output.read_text(encoding="utf-8", errors="replace")
+            code, printed = self.tested(Path(scratch), tests, *options)
+            if code in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+                return None
+            if code == pytest.ExitCode.USAGE_ERROR:
+                raise FileNotFoundError(printed)
+            names = Path(scratch) / "cache/v/cache/lastfailed"
+            failed = list(json.loads(names.read_text(encoding="utf-8"))) if names.exists() else []
+        reason = next(iter(_FAILED.findall(printed)), f"exit {code}: {printed[-200:].strip()}")
         if code is None:
-            return f"no test ended for {_SILENCE_S:.0f} s"
-        if code in (0, 5):
-            return None
-        if code == pytest.ExitCode.USAGE_ERROR:
-            raise FileNotFoundError(printed)
-        found = _FAILED.search(printed)
-        return found[1] if found else f"exit {code}: {printed[-200:].strip()}"
+            reason = f"no test ended for {_SILENCE_S:.0f} s"
+        # A test that ends pytest, or does not end, is the last that began.
+        began = _BEGAN.search(printed)
+        return Failure(failed[0] if failed else began[1] if began else None, reason)
+
+    def tested(self, scratch: Path, tests: Sequence[str], *options: str) -> tuple[int | None, str]:
+        """Run pytest, and return its exit code and what it printed; None: it was silent for too long."""
+        output, names = scratch / "output.txt", scratch / "tests.txt"
+        names.write_text("\n".join(tests), encoding="utf-8")
+        ros2 = {PYTHON_VARIABLE: str(WHEELS)} if WHEELS.exists() else {}
+        own = {"PYTHONPATH": str(self.folder), "TMPDIR": str(scratch), "COLUMNS": "400"}
+        options = (*options, "-o", f"cache_dir={scratch / 'cache'}", f"@{names}")
+        with output.open("wb") as words:
+            process = subprocess.Popen(
+                [sys.executable, "-u", "-m", "pytest", *options],
+                cwd=self.folder,
+                env={**ros2, **os.environ, **own},
+                stdout=words,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        return _exit_code(process, output), output.read_text(encoding="utf-8", errors="replace")
 
 
 def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
@@ -145,63 +148,64 @@ def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
 class Hunt:
     """Looks for a test that notices a mutant; `fails_anyway` fail without any."""
 
-    def __init__(self, clean: Copy, most_stages: int = 4) -> None:
+    def __init__(self, clean: Copy) -> None:
         self._clean = clean
-        self._most_stages = most_stages
-        self._sound: set[str] = set()
         self.fails_anyway: set[str] = set()
 
-    def noticed_by(self, mutant: Mutant, copy: Copy) -> str | None:
-        """Return the first test that fails because of a mutant; None: no test fails."""
+    def noticed_by(self, mutant: Mutant, groups: Iterable[Sequence[str]], copy: Copy) -> Failure | None:
+        """Return the first failure that is because of a mutant; None: no test fails."""
         copy.write(mutant.file, mutant.applied())
         try:
-            near = islice(stages(mutant.file), self._most_stages)
-            return next((found for tests in near if (found := self._failure(copy, tests))), None)
+            return next((failure for tests in groups if (failure := self._failure(copy, tests))), None)
         finally:
             copy.write(mutant.file, mutant.source)
 
-    def _failure(self, copy: Copy, tests: Sequence[str]) -> str | None:
+    def _failure(self, copy: Copy, tests: Sequence[str]) -> Failure | None:
+        """Return a failure that comes twice, and not without the mutant in between."""
         by_chance: set[str] = set()
-        while True:
-            left_out = [argument for name in {*self.fails_anyway, *by_chance} for argument in ("--deselect", name)]
-            failed = copy.first_failure(*tests, *left_out)
-            if failed is None or "::" not in failed:
-                return failed
-            if not self._passes_otherwise(failed):
-                self.fails_anyway.add(failed)
-            elif copy.first_failure(failed) is None:
-                by_chance.add(failed)
-            else:
-                return failed
-
-    def _passes_otherwise(self, test: str) -> bool:
-        if test not in self._sound and self._clean.first_failure(test) is None:
-            self._sound.add(test)
-        return test in self._sound
+        while tests := [test for test in tests if test not in self.fails_anyway | by_chance]:
+            left_out = [option for test in self.fails_anyway | by_chance for option in ("--deselect", test)]
+            failure = copy.first_failure(tests, *left_out)
+            if failure is None:
+                break
+            # Without a test, pytest failed while it imported them.
+            alone = [failure.test] if failure.test else [*tests, "--collect-only"]
+            fails_anyway = self._clean.first_failure(alone) is not None
+            if not fails_anyway and (again := copy.first_failure(alone)):
+                return again
+            if failure.test is None:
+                break
+            (self.fails_anyway if fails_anyway else by_chance).add(failure.test)
+        return None
 
 
-def stages(file: str) -> Iterator[tuple[str, ...]]:
-    """Yield arguments for pytest, from the tests nearest to a module to those far away; none runs twice in vain."""
-    top, *_ = parts = Path(file).relative_to("sim_action").with_suffix("").parts
-    if parts[-1] == "__init__":
-        parts = parts[:-1]
-    module = r"\.".join(("sim_action", *parts))
-    folder, name = "/".join(parts[:-1]), parts[-1] if parts else ""
-    near = {str(path.relative_to(ROOT)) for path in (ROOT / "tests" / folder).glob(f"test_{name}*.py")}
-    imports = re.compile(rf"\b{module}\b(?!\.)|from {module.rpartition(chr(92))[0]} import [^\n]*\b{name}\b")
-    for path in (ROOT / "tests").rglob("test_*.py"):
-        if "integration" not in path.parts and imports.search(path.read_text(encoding="utf-8")):
-            near.add(str(path.relative_to(ROOT)))
-    if near:
-        yield tuple(sorted(near, key=lambda test: (not test.startswith(f"tests/{folder}"), test)))
-    if (ROOT / "tests" / top).is_dir():
-        yield (f"tests/{top}", *(argument for test in sorted(near) for argument in ("--ignore", test)))
-    if integration := [f"tests/integration/test_{name}.py" for name in INTEGRATION.get(top, "cli").split()]:
-        yield tuple(integration)
-    yield (*_WHOLE, "--ignore", f"tests/{top}")
+def groups_of_tests(copy: Copy, mutants: Sequence[Mutant], part: Sequence[str], workers: int) -> list[list[list[str]]]:
+    """Return the tests of a part that reach each mutant, the quickest first, and then other tests of their files.
+
+    Tests share what fixtures and caches hold: which one reaches the place is a matter of their order.
+    """
+    insert_probes(copy.folder, mutants)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+        options = ("-n", str(workers), "-q", "--tb=no", "--durations=0", "--durations-min=0")
+        code, printed = copy.tested(Path(scratch), part, *options)
+    if code not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        raise RuntimeError(f"the tests did not end (exit {code}): {printed[-2000:]}")
+    print(printed.rstrip().rpartition("\n")[2], flush=True)
+    duration_s = durations_s(printed)
+    groups = []
+    for number, mutant in enumerate(mutants):
+        names = reaching(copy.folder, number, duration_s)
+        top = f"tests/{Path(mutant.file).parts[1]}"
+        tests = sorted((name for name in names if "::" in name), key=lambda test: duration_s.get(test, 0.0))
+        files = {name for name in names - {""} if "::" not in name}
+        files |= {file for test in tests if (file := test.partition("::")[0]).startswith(f"{top}/")}
+        if "" in names and part[0] == "tests" and (ROOT / top).is_dir():
+            files = {top}
+        groups.append([tests, [*sorted(files), *part[1:]] if files else []])
+    return groups
 
 
-def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
+def drawn(sample: int, seed: int, only: Sequence[str]) -> list[Mutant]:
     """Return mutants of as many lines, spread evenly over the folders; each line is as likely as another."""
     rng = random.Random(seed)
     table = equivalent()
@@ -210,7 +214,7 @@ def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
     lines: list[list[Mutant]] = []
     for path in sorted((ROOT / "sim_action").rglob("*.py")):
         file = str(path.relative_to(ROOT))
-        if file.startswith(only):
+        if file.startswith(tuple(only)):
             text = path.read_text(encoding="utf-8")
             by_line: dict[int, list[Mutant]] = {}
             for mutant in mutants(file, text):
@@ -244,8 +248,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=10)
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1_000_000))
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--stages", type=int, default=4, help="1: only the tests of the module itself, and so on")
-    parser.add_argument("--only", default="sim_action/", help="beginning of the files' names")
+    parser.add_argument("--only", nargs="*", default=["sim_action/"], help="beginnings of the files' names")
+    parser.add_argument("--tests", nargs="*", help="look at these alone, such as tests/assertions")
     parser.add_argument("--list", action="store_true", help="show the sample, and run no test")
     options = parser.parse_args(arguments)
     # As Ctrl-C: no test goes on without this process.
@@ -256,7 +260,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for mutant in sample:
             print(f"{mutant.file}:{mutant.line}\n{diff(mutant)}")
         return 0
-    survivors = hunt(sample, options.jobs, options.stages)
+    survivors = hunt(sample, (options.tests,) if options.tests else _PARTS, options.jobs)
     noticed = len(sample) - len(survivors)
     print(f"\nnoticed: {noticed} of {len(sample)} ({noticed / max(len(sample), 1):.0%}), seed {options.seed}")
     for mutant in sorted(survivors):
@@ -264,37 +268,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(noticed < LEAST_SHARE * len(sample))
 
 
-def hunt(sample: Iterable[Mutant], jobs: int, most_stages: int) -> list[Mutant]:
+def hunt(sample: Sequence[Mutant], parts: Sequence[Sequence[str]], jobs: int) -> list[Mutant]:
     """Return the mutants that no test notices."""
-    survivors: list[Mutant] = []
-    with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
+    left = list(sample)
+    with tempfile.TemporaryDirectory(prefix="mutants-") as scratch, ThreadPoolExecutor(jobs) as pool:
         copies = SimpleQueue[Copy]()
         for number in range(jobs):
             copies.put(Copy.of_repository(Path(scratch) / str(number)))
-        found = Hunt(Copy.of_repository(Path(scratch) / "clean"), most_stages)
+        found = Hunt(Copy.of_repository(Path(scratch) / "clean"))
 
-        def examine(mutant: Mutant) -> None:
+        def is_noticed(mutant: Mutant, tests: list[list[str]]) -> bool:
             copy, start = copies.get(), time.monotonic()
             try:
-                test = found.noticed_by(mutant, copy)
+                failure = found.noticed_by(mutant, tests, copy)
             finally:
                 copies.put(copy)
-            if test is None:
-                survivors.append(mutant)
-            told = f"noticed by {test}" if test else f"NOT NOTICED\n{diff(mutant)}"
-            print(f"{mutant.file}:{mutant.line} {time.monotonic() - start:.0f} s: {told}", flush=True)
+            told = f"noticed by {failure.test}\n    {failure.reason}" if failure else "not noticed in this part"
+            place, duration_s = f"{mutant.file}:{mutant.line}", time.monotonic() - start
+            print(f"{place} {len(tests[0])} tests, {duration_s:.0f} s: {told}\n{diff(mutant)}", flush=True)
+            return failure is not None
 
-        with ThreadPoolExecutor(jobs) as pool:
-            try:
-                list(pool.map(examine, sample))
-            except BaseException:
-                signal.signal(signal.SIGTERM, signal.SIG_IGN)
-                _stopped.set()
-                pool.shutdown(cancel_futures=True)
-                raise
-        for name in sorted(found.fails_anyway):
-            print(f"left out, because it fails in a copy without any change: {name}")
-    return survivors
+        try:
+            for number, part in enumerate(parts):
+                probed = Copy.of_repository(Path(scratch) / f"probed{number}")
+                groups = groups_of_tests(probed, left, part, jobs * _WORKERS_PER_JOB)
+                noticed = list(pool.map(is_noticed, left, groups))
+                left = [mutant for mutant, is_gone in zip(left, noticed, strict=True) if not is_gone]
+        except BaseException:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            _stopped.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+    for name in sorted(found.fails_anyway):
+        print(f"left out, because it fails in a copy without any change: {name}")
+    return left
 
 
 if __name__ == "__main__":
