@@ -191,7 +191,7 @@ def ends(*expected: Expectation, time_limit: float = 10.0, duration: float | Non
 @pytest.mark.parametrize(
     ("expected", "end", "time"),
     [
-        ([expectation(Travel(at_least=1.0))], "goals met", 1.0),
+        ([expectation(Travel(at_most=0.5))], "expectation failed", 1.0),
         ([GOAL], "goals met", 3.0),
         ([GOAL, expectation(Travel(at_least=7.0))], "goals met", 7.0),
         ([GOAL, HOLDS], "goals met", 3.0),

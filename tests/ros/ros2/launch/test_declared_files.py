@@ -188,6 +188,7 @@ REFUSED: Final[dict[str, tuple[str, str, int]]] = {
     "tag.launch.yaml": ("launch:\n- node: {pkg: p, exec: e}\n- leet: {name: a}\n", "the element <leet>", 3),
     "broken.launch.yaml": ("launch:\n- node: {pkg: p\n", "it is not YAML", 3),
     "root.launch.yaml": ("lunch: []\n", "its root must be 'launch'", 1),
+    "syntax.launch.py": ("x = 1\nx = (\n", "'(' was never closed", 2),
     "function.launch.py": ("x = 1\n", "has no function generate_launch_description", 0),
     **{name: (PYTHON.format(text), message, LINE) for name, (text, message) in IN_PYTHON.items()},
 }
