@@ -11,6 +11,8 @@ from typing import Any, Final
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 FACTOR: Final = 40  # examples of a property test under `--soak`, for each example of `make test`
 EXAMPLES: Final = 25  # examples of a property test in `make test` that states no number
@@ -48,6 +50,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "soak: a long repetition, run with --soak alone; a short form runs without")
     settings.load_profile(LONG if config.getoption("soak") else SHORT)
+    if not config.getoption("soak"):
+        # It draws constants from all modules of ours that are imported: examples would depend on the tests before.
+        providers._get_local_constants = Constants
 
 
 # After hypothesis has marked its tests.

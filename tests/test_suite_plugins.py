@@ -1,4 +1,4 @@
-"""The plugins that guard against child processes, and that deal tests to workers."""
+"""The plugins that guard against child processes, deal tests to workers, and choose examples of property tests."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from hypothesis.internal.conjecture import providers
 
 from tests.balance import dealt
 
@@ -69,3 +70,7 @@ def test_all_items_are_dealt_if_there_are_no_others() -> None:
     for slow, quick in ((items("slow", 9, 2), []), ([], items("quick", 9, 2)), ([], [])):
         order: list[Any] = dealt(slow, quick, 3)
         assert sorted(order) == slow + quick
+
+
+def test_examples_of_property_tests_do_not_depend_on_what_is_imported() -> None:
+    assert len(providers._get_local_constants()) == 0
