@@ -82,6 +82,7 @@ class MemoryFiles:
             raise
         self._outcome, self.output, self._stack_dump = made
         self.inherited = ChildFiles(scratch, *made)
+        self.memory_of_parent = 0  # the bytes that a forked child shares with its parent
         _OPEN.append(self)
 
     @property
@@ -258,7 +259,7 @@ class LinuxChild(child_process.ChildProcess):
                     os.killpg(self._pid, signal.SIGKILL)
             _, _, usage = os.wait4(self._pid, 0)
             if not self._supervised:
-                self.peak_memory = usage.ru_maxrss << 10
+                self.peak_memory = max(0, (usage.ru_maxrss << 10) - self._files.memory_of_parent)
         self.listen()
         os.close(self._progress)
         self.report = self._files.read()
@@ -323,17 +324,18 @@ def fork(run: Callable[[ChildFiles, int], object], job: Job, files: MemoryFiles,
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
     parent = os.getpid()
+    files.memory_of_parent = process_control.private_memory()
     try:
         pid = os.fork()
         if pid == 0:
-            _child_main(run, job, files.inherited, writer, parent)
+            _child_main(run, job, files, writer, parent)
     finally:
         gc.unfreeze()
     return pid
 
 
 def _child_main(
-    run: Callable[[ChildFiles, int], object], job: Job, files: ChildFiles, writer: int, parent: int
+    run: Callable[[ChildFiles, int], object], job: Job, files: MemoryFiles, writer: int, parent: int
 ) -> NoReturn:
     """Call `run` in the fork; never return into the parent's code."""
     code = 1
@@ -341,14 +343,14 @@ def _child_main(
         process_control.end_with_parent(parent, signal.SIGKILL)
         signal.set_wakeup_fd(-1)
         os.setsid()
-        close_others(files)
+        close_others(files.inherited)
         try:
-            become_child(files, writer)
-            process_control.impose_limits(job.loaded.scenario.memory_bytes)
+            become_child(files.inherited, writer)
+            process_control.impose_limits(job.loaded.scenario.memory_bytes, files.memory_of_parent)
         except OSError as error:
             os.write(writer, child_process.REFUSED + b"%d\n" % (error.errno or 0))
             os._exit(code)
-        run(files, writer)
+        run(files.inherited, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
         traceback.print_exc()

@@ -33,9 +33,15 @@ def end_with_parent(parent: int, number: signal.Signals) -> None:
         os.kill(os.getpid(), number)
 
 
-def impose_limits(memory: int) -> None:
-    """Set the resource limits of this process; `memory`: address space, in bytes."""
-    _limit(resource.RLIMIT_AS, memory)
+def private_memory() -> int:
+    """Return the bytes of this process that its forks have from the start: its resident pages of no file."""
+    _, resident, of_files, *_ = Path("/proc/self/statm").read_text(encoding="ascii").split()
+    return (int(resident) - int(of_files)) * resource.getpagesize()
+
+
+def impose_limits(memory: int, inherited: int = 0) -> None:
+    """Set the resource limits of this process; `memory`: address space in bytes, besides the `inherited` bytes."""
+    _limit(resource.RLIMIT_AS, memory + inherited)
     # The caller also limits printed output, but only checks now and then. A trace was in memory before it becomes a
     # file. The number of processes is not limited: RLIMIT_NPROC counts all processes of the user.
     _limit(resource.RLIMIT_FSIZE, memory)

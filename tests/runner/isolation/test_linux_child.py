@@ -32,8 +32,8 @@ def refuse(*_: object, **__: object) -> NoReturn:
     raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
 
-def job(folder: Path, hash_seed: int | None) -> Job:
-    (folder / "a.sim.yml").write_text(SCENARIO)
+def job(folder: Path, hash_seed: int | None, more: str = "") -> Job:
+    (folder / "a.sim.yml").write_text(SCENARIO + more)
     return Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder, hash_seed=hash_seed)
 
 
@@ -201,3 +201,32 @@ def test_files_that_cannot_be_made_leave_none_open(tmp_path: Path, monkeypatch: 
     with pytest.raises(OSError, match="Too many open files"):
         MemoryFiles(tmp_path)
     assert open_descriptors() == before
+
+
+# Run a scenario, whose memory is limited to 512 MiB, in a process that holds so many MiB; then print the kind of its
+# end, or of its failure if the engine aborts.
+HELD = """
+import os, sys, time
+from pathlib import Path
+from sim_action.runner import child_main
+from sim_action.runner.child_outcome import outcome_of
+from tests.runner.isolation.test_linux_child import LinuxChild, job
+held = b"x" * (int(sys.argv[1]) << 20)
+if sys.argv[2] == "abort":
+    child_main.simulate = lambda *_, **__: os.abort()
+child = LinuxChild.start(job(Path(sys.argv[3]), None, "memory_limit: 512 MiB\\n"))
+while (status := child.poll()) is None:
+    time.sleep(0.01)
+child.close()
+outcome = outcome_of(child, status)
+print(outcome.status, *(failure.kind for failure in outcome.failures))
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("held", [0, 600])
+@pytest.mark.parametrize(("act", "end"), [("run", "passed"), ("abort", "error crash")])
+def test_the_memory_of_the_caller_is_not_that_of_the_scenario(held: int, act: str, end: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", HELD, str(held), act, str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines()[-1] == end
