@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from sim_action.core.records import dataclass
 
@@ -55,7 +55,14 @@ class Twist:
     @classmethod
     def planar(cls, linear: float = 0.0, angular: float = 0.0, *, lateral: float = 0.0) -> Self:
         """Return the twist of a base: forward speed (m/s), turn rate to the left (rad/s), speed to the left (m/s)."""
-        return cls((float(linear), float(lateral), 0.0), (0.0, 0.0, float(angular)))
+        return cls((number(linear), number(lateral), 0.0), (0.0, 0.0, number(angular)))
+
+
+def number(value: Any) -> float:
+    """Return a number of any type as a float. Raise TypeError for other values, also for True, False and texts."""
+    if isinstance(value, str) or type(value).__name__ in {"bool", "bool_"}:  # numpy has types of these names, too
+        raise TypeError(f"expected a number, found {value!r}")
+    return float(value)
 
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:

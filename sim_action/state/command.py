@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.geometry import ZERO, Twist, Vector3
+from sim_action.core.geometry import ZERO, Twist, Vector3, number
 from sim_action.core.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -142,18 +142,14 @@ def commands_of(answer: Answer) -> tuple[Command, ...]:
 
 
 def is_finite(command: Command) -> bool:
-    """Return True if all numbers of the command are finite."""
+    """Return True if all numbers of the command are finite. Raise TypeError for a value that is not a number."""
+    return all(math.isfinite(number(value)) for value in _numbers(command))
+
+
+def _numbers(command: Command) -> Iterable[float]:
     if isinstance(command, Twist):
-        return all(map(math.isfinite, (*command.linear_xyz, *command.angular_xyz)))
+        return (*command.linear_xyz, *command.angular_xyz)
     if isinstance(command, LinkWrench):
-        return all(map(math.isfinite, (*command.force_xyz, *command.torque_xyz, *command.point_xyz)))
-    if command.base is not None and not is_finite_push(command.base):
-        return False
+        return (*command.force_xyz, *command.torque_xyz, *command.point_xyz)
     groups = (command.position, command.velocity, command.effort, command.max_effort)
-    return all(math.isfinite(value) for group in groups for value in group.values())
-
-
-def is_finite_push(push: BasePush) -> bool:
-    """Return True if all numbers of the push are finite."""
-    numbers = (*push.linear_xy, push.angular_z, *push.point_xyz, push.max_force, push.max_torque)
-    return all(map(math.isfinite, numbers))
+    return (value for group in groups for value in group.values())

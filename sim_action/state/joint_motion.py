@@ -16,6 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Final, Self
 
+from sim_action.core.geometry import number
 from sim_action.core.lazy_numpy import ArrayLike, FloatArray, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
@@ -277,6 +278,9 @@ class JointMotion:
 
 
 def _numbers(values: ArrayLike) -> FloatArray:
+    if getattr(values, "dtype", None) != np.float64:
+        for value in np.asarray(values, dtype=np.object_).flat:
+            number(value)
     return np.asarray(values, dtype=np.float64)
 
 

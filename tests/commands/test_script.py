@@ -210,6 +210,8 @@ def test_motions_join_the_joint_targets_of_an_answer(tmp_path: Path) -> None:
         ("return sim.Twist((1.0, 0.0), (0.0, 0.0, 0.0))", "Twist.planar(linear, angular) creates one"),
         ("return sim.Twist((1.0, 0.0, 0.0), (0.5,))", "Twist.planar(linear, angular) creates one"),
         ("return sim.Twist(('a', 'b', 'c'))", "whose values are not numbers"),
+        ("return sim.Twist((True, 0, 0))", "whose values are not numbers"),
+        ("return sim.Twist.planar(True)", "expected a number, found True"),
         ("return sim.Twist.planar(float('nan'))", "which has a value that is not finite"),
         ("return sim.JointTargets(velocity={'wheel_left_joint': None})", "whose values are not numbers"),
         ("return sim.JointTargets(velocity=[1, 2])", "whose values are not numbers"),

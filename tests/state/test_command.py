@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 
 from sim_action.core.geometry import Twist
 from sim_action.state.command import BasePush, Command, JointTargets, LinkWrench, is_finite
+from sim_action.state.joint_motion import JointMotion
 
 
 def test_the_names_of_targets_are_those_of_all_groups() -> None:
@@ -57,9 +60,6 @@ def test_wrenches_stay_until_others_replace_all_of_them() -> None:
     [
         (Twist.planar(1, 2), True),
         (Twist.planar(math.nan), False),
-        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), True),
-        (JointTargets(base=BasePush((1.0, math.nan), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0)), False),
-        (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), math.inf, 1.0)), False),
         (Twist((0, 0, 0), (0, math.inf, 0)), False),
         (JointTargets(), True),
         (LinkWrench("a", (1.0, 0.0, 0.0)), True),
@@ -73,3 +73,23 @@ def test_wrenches_stay_until_others_replace_all_of_them() -> None:
 )
 def test_a_command_is_finite_if_all_its_numbers_are(command: Command, finite: bool) -> None:
     assert is_finite(command) is finite
+
+
+@pytest.mark.parametrize("wrong", [True, np.bool_(False), "0.5", None])
+def test_a_truth_value_and_a_text_are_no_numbers(wrong: Any) -> None:
+    for command in (Twist((0.0, wrong, 0.0)), LinkWrench("a", (wrong, 0, 0)), JointTargets(effort={"a": wrong})):
+        with pytest.raises(TypeError):
+            is_finite(command)
+    with pytest.raises(TypeError):
+        Twist.planar(lateral=wrong)
+    for times, positions in (((0, wrong), (1, 2)), ((0, 1), (1, wrong))):
+        with pytest.raises(TypeError):
+            JointMotion.through(["a"], times, [[position] for position in positions])
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    half: Any = np.float32(0.5)
+    assert is_finite(Twist((half, half, 0)))
+    assert Twist.planar(half) == Twist.planar(0.5)
+    curve = JointMotion.through(["a"], np.array([0, 1]), [[half], [1]]).curves[0]
+    assert curve.at(1.0)[0] == 1.0
