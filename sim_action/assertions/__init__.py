@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor
 from sim_action.assertions.monitors.windows import BecomingTrue, Window, becoming_true
@@ -23,6 +23,9 @@ from sim_action.state.trace_records import Channels
 from sim_action.state.verdict import Mark, Signal
 from sim_action.world.claims import Ceiling, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.assertions.temporal_logic.formula import Formula
 
 _MAX_TITLE: Final = 100
 CREEP_M: Final = 0.1  # in m: a robot that drives goes farther than this; a smaller limit asks for a robot at rest
@@ -59,6 +62,7 @@ class Assertion(FrozenModel):
     sees_shapes: ClassVar[bool] = False
     """True if it judges contacts or distances, which only links with a collision shape have."""
 
+    word: ClassVar[str] = "and"  # joins its parts if they are written as a formula
     has_golden: ClassVar[bool] = False  # True if it compares the run with a golden trajectory
     more_moments: ClassVar[str] = "run for longer"  # the advice for a run in which it was judged at one moment only
 
@@ -87,6 +91,26 @@ class Assertion(FrozenModel):
     def has_truth(self) -> bool:
         """True if it is true or false at each moment; its monitor has then `truth`."""
         return False
+
+    @property
+    def awaited(self) -> Formula | None:
+        """The formula that an event waits for; None: it waits for `Monitor.truth`."""
+        return None
+
+    def waiting(self, span: float = 0.0, *, negated: bool = False) -> Assertion:
+        """Return the assertion that passes once `awaited` is true for `span` in s, or is false if `negated`."""
+        return self
+
+    @property
+    def moment_problem(self) -> str:
+        """The reason why it cannot be the condition of an event; empty if it can."""
+        leaves = [*self.leaves()]
+        use = "use an stl formula, or an assertion such as reach, contact or upright"
+        if any(leaf.awaited for leaf in leaves):
+            use = f"write all of it as one formula, such as stl: x > 1 m {self.word} clearance(box) < 0.5 m"
+        elif all(leaf.has_truth for leaf in leaves):
+            use = "" if self.has_truth else "use at_once for what must be true at one moment"
+        return f"'{self.key}' is not true or false at a moment, so nothing can happen then; {use}" if use else ""
 
     @property
     @abstractmethod

@@ -240,6 +240,7 @@ class AnyOf(Joined):
         "No part passed, and a part was never judged.",
     )
     every: ClassVar[bool] = False
+    word: ClassVar[str] = "or"
 
     @property
     @override

@@ -6,13 +6,11 @@ event that has not happened has an infinite time. When it happens, the world get
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel, Name, NonNegativeSeconds, PositiveSeconds, Title
 from sim_action.core.records import dataclass, replace
@@ -27,13 +25,9 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
-    from sim_action.assertions.temporal_logic.formula import Formula
     from sim_action.scenario.model import DrivenActor, Scenario
 
 MAX_EVENTS: Final = 100
-
-# A formula is judged at each step, with the steps that it looks ahead.
-_MAX_LOOKAHEAD_S: Final = 60.0
 
 _Flag = Annotated[Literal[True] | None, BeforeValidator(lambda value: True if value is None else value)]
 
@@ -392,41 +386,8 @@ def _condition_problems(when: Condition, events: Mapping[str, Event], limit: flo
         if name and name not in events:
             yield (key,), f"there is no event '{name}'{did_you_mean(name, events)}"
     yield from late_problems(("at",), when.at, limit)
-    if when.assertion is not None:
-        yield from _why_no_moment(when.assertion)
-
-
-def awaited(assertion: Stl) -> Formula:
-    """Return the formula that an event waits for: the one that `eventually` is about."""
-    from sim_action.assertions.temporal_logic.formula import Eventually  # few scenarios have events
-
-    whole = assertion.parsed
-    return whole.formula if isinstance(whole, Eventually) and whole.interval.end == math.inf else whole
-
-
-def _why_no_moment(assertion: Assertion) -> SpecProblems:
-    """Yield why an assertion cannot be the condition of an event."""
-    if isinstance(assertion, Stl):
-        from sim_action.assertions.temporal_logic.formula import horizon  # few scenarios have events
-
-        if horizon(awaited(assertion)) > _MAX_LOOKAHEAD_S:
-            most = (
-                f"a formula that looks ahead by more than {_MAX_LOOKAHEAD_S:g} s is decided at the end of the run only"
-            )
-            yield (assertion.key,), f"{most}; give its operators an interval, such as always[0 s, 2 s] (...)"
-        return
-    leaves = [*assertion.leaves()]
-    if assertion.has_truth and all(leaf.has_truth for leaf in leaves):
-        return
-    use = "use an stl formula, or an assertion such as reach, contact or upright"
-    if any(isinstance(leaf, Stl) for leaf in leaves):
-        from sim_action.assertions.combined import AnyOf  # few scenarios have events
-
-        word = "or" if isinstance(assertion, AnyOf) else "and"
-        use = f"write all of it as one formula, such as stl: x > 1 m {word} clearance(box) < 0.5 m"
-    elif all(leaf.has_truth for leaf in leaves):
-        use = "use at_once for what must be true at one moment"
-    yield (assertion.key,), f"'{assertion.key}' is not true or false at a moment, so nothing can happen then; {use}"
+    if when.assertion is not None and (problem := when.assertion.moment_problem):
+        yield (when.assertion.key,), problem
 
 
 def _action_problems(action: Action, scenario: Scenario) -> SpecProblems:

@@ -9,11 +9,10 @@ import numpy as np
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.windows import HoldTime
-from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.core.errors import RunError
 from sim_action.core.units import STEP_EPSILON, TIME_EPSILON_S, display, first_step
 from sim_action.core.wording import quoted
-from sim_action.scenario.events import Condition, Happening, after, awaited, time_marks
+from sim_action.scenario.events import Condition, Happening, after, time_marks
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.panel import Panel
 from sim_action.state.observation import Observation
@@ -32,33 +31,28 @@ class _Watch:
 
     def __init__(self, condition: Condition, scene: Scene, start: Observation) -> None:
         assert condition.assertion is not None
-        self._condition, self._scene, self._start = condition, scene, start
+        self._assertion, self._span, self._scene, self._start = condition.assertion, condition.span, scene, start
+        self._awaited = condition.assertion.awaited
         self._was_true = False
         self._monitor = self._opened()
         self._hold = HoldTime(condition.span) if condition.span else None
 
     def _opened(self, *, negated: bool = False) -> Monitor:
         """Return the monitor of the assertion; a formula's monitor waits until it is true, or false if `negated`."""
-        assertion, span = self._condition.assertion, self._condition.span
-        if isinstance(assertion, Stl):
-            lasting = f"always[0 s, {span!r} s] " if span and not negated else ""
-            formula = f"eventually {lasting}({'not ' * negated}({awaited(assertion)}))"
-            assertion = Stl(formula=formula)
-        assert assertion is not None
-        return assertion.started(self._scene, self._start)
+        return self._assertion.waiting(self._span, negated=negated).started(self._scene, self._start)
 
     @property
     def nearest(self) -> str:
         """The nearest that the condition came to being true, in words."""
-        assertion, verdict = self._condition.assertion, self._monitor.verdict()
-        if not isinstance(assertion, Stl) or verdict.margin is None or verdict.time is None or verdict.margin >= 0:
+        verdict = self._monitor.verdict()
+        if not self._awaited or verdict.margin is None or verdict.time is None or verdict.margin >= 0:
             return verdict.message
         missing = display(-verdict.margin, verdict.unit)
-        return f"it waits for {awaited(assertion)}, which was nearest at {verdict.time:.2f} s and missed by {missing}"
+        return f"it waits for {self._awaited}, which was nearest at {verdict.time:.2f} s and missed by {missing}"
 
     def becomes_true(self, trace: Trace) -> bool:
         """Take the next moments; return True if the condition became true at one of them."""
-        if isinstance(self._condition.assertion, Stl):
+        if self._awaited:
             self._monitor = self._monitor.observe(trace)
             if self._monitor.state is not State.HOLDS:
                 return False
@@ -71,7 +65,7 @@ class _Watch:
         if self._hold is not None and len(time):
             lasting = self._hold.lasting(time, holds)
             self._hold = self._hold.observe(time, holds)
-            holds = lasting >= self._condition.span - TIME_EPSILON_S
+            holds = lasting >= self._span - TIME_EPSILON_S
         before, self._was_true = self._was_true, bool(holds[-1]) if len(holds) else self._was_true
         return bool(np.any(holds & ~np.concatenate(([before], holds[:-1])))) if len(holds) else False
 

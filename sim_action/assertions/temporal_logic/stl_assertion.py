@@ -22,6 +22,7 @@ from sim_action.assertions.temporal_logic.formula import (
     comparisons,
     everything,
     finite_horizon,
+    horizon,
 )
 from sim_action.assertions.temporal_logic.formula_signals import (
     channels_of,
@@ -39,6 +40,7 @@ from sim_action.world.claims import Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
 
 _STEP_ROUNDING: Final = 1e-6
+_MAX_LOOKAHEAD_S: Final = 60.0  # an event judges a formula at each step, with the steps that it looks ahead
 
 
 class Stl(Assertion):
@@ -100,6 +102,25 @@ class Stl(Assertion):
     def parsed(self) -> Formula:
         """The formula as a syntax tree."""
         return parse(self.formula)
+
+    @property
+    @override
+    def awaited(self) -> Formula:
+        whole = self.parsed
+        return whole.formula if isinstance(whole, Eventually) and whole.interval.end == math.inf else whole
+
+    @override
+    def waiting(self, span: float = 0.0, *, negated: bool = False) -> Assertion:
+        lasting = f"always[0 s, {span!r} s] " if span and not negated else ""
+        return Stl(formula=f"eventually {lasting}({'not ' * negated}({self.awaited}))")
+
+    @property
+    @override
+    def moment_problem(self) -> str:
+        if horizon(self.awaited) <= _MAX_LOOKAHEAD_S:
+            return ""
+        most = f"a formula that looks ahead by more than {_MAX_LOOKAHEAD_S:g} s is decided at the end of the run only"
+        return f"{most}; give its operators an interval, such as always[0 s, 2 s] (...)"
 
     @property
     @override
