@@ -21,7 +21,7 @@ from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.controller_answers import Saturation
 from sim_action.commands.logs import KINDS, Content, JointColumn, Kind, Recorded, Steering, Trajectory, rosbag
 from sim_action.commands.logs.csv_table import Header, Table
-from sim_action.commands.logs.ros_messages import TWISTS, MessageType, Stamps, Wanted
+from sim_action.commands.logs.ros_messages import TWISTS, MessageSelection, MessageType, Stamps
 from sim_action.core.errors import RecordingError
 from sim_action.core.field_types import NamesFile, NonNegativeSeconds, PositiveHertz, PositiveSeconds, Seconds
 from sim_action.core.geometry import Twist
@@ -241,7 +241,7 @@ class ReplayCommands(CommandSource):
                 workspace.file(str(path / file))
         except PathError as error:
             raise RecordingError(f"{self.replay}: {error}") from None
-        selection = Wanted(self.topic or "", self.type, self.stamps, self.array_joints, self.interface)
+        selection = MessageSelection(self.topic or "", self.type, self.stamps, self.array_joints, self.interface)
         return rosbag.read_log(path, self.replay, selection)
 
     def _times(self, recorded: Recorded, workspace: Workspace) -> list[float]:

@@ -29,7 +29,7 @@ ARRAY: Final = "std_msgs/msg/Float64MultiArray"
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class MessageSelection:
     """The messages that a command source replays."""
 
     topic: str
@@ -43,7 +43,7 @@ class MessageError(ValueError):
     """A message that cannot be converted to a command."""
 
 
-def _twist(message: Any, _: Wanted) -> Twist:
+def _twist(message: Any, _: MessageSelection) -> Twist:
     return Twist(_vector(message.linear, "linear"), _vector(message.angular, "angular"))
 
 
@@ -57,11 +57,11 @@ def _finite(number: float, place: str) -> float:
     return float(number)
 
 
-def _steering(message: Any, _: Wanted) -> Steering:
+def _steering(message: Any, _: MessageSelection) -> Steering:
     return Steering(_finite(message.speed, "speed"), _finite(message.steering_angle, "steering_angle"))
 
 
-def _joint_state(message: Any, _: Wanted) -> JointRow | None:
+def _joint_state(message: Any, _: MessageSelection) -> JointRow | None:
     values: dict[JointColumn, float] = {}
     for kind in KINDS:
         values |= _row(list(message.name), kind, getattr(message, kind).tolist())
@@ -82,7 +82,7 @@ def _row(names: Sequence[str], kind: Kind, numbers: Sequence[float]) -> JointRow
     }
 
 
-def _array(message: Any, selection: Wanted) -> JointRow | None:
+def _array(message: Any, selection: MessageSelection) -> JointRow | None:
     numbers = message.data.tolist()
     if len(numbers) != len(selection.joints):
         raise MessageError(
@@ -91,7 +91,7 @@ def _array(message: Any, selection: Wanted) -> JointRow | None:
     return _row(selection.joints, selection.interface, numbers) or None
 
 
-def _trajectory(message: Any, _: Wanted) -> Trajectory:
+def _trajectory(message: Any, _: MessageSelection) -> Trajectory:
     names = tuple(message.joint_names)
     points: list[TrajectoryPoint] = []
     for index, point in enumerate(message.points):
@@ -111,7 +111,7 @@ def _trajectory(message: Any, _: Wanted) -> Trajectory:
 class _Kind(NamedTuple):
     """The conversion of a type of messages; None as the content is a message without a finite value."""
 
-    content: Callable[[Any, Wanted], Content | None]
+    content: Callable[[Any, MessageSelection], Content | None]
     has_header: bool
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.commands.logs import MAX_ROWS, Recorded, TimedRow
 from sim_action.commands.logs.damaged_logs import MAX_UNPACKED_BYTES, SCANNERS, ScannedLog, ScannedMcap, zstd
-from sim_action.commands.logs.ros_messages import ARRAY, DEFINITIONS, TYPES, MessageError, Wanted
+from sim_action.commands.logs.ros_messages import ARRAY, DEFINITIONS, TYPES, MessageError, MessageSelection
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.files import open_regular, read_at_most
 from sim_action.core.lazy_numpy import np
@@ -58,7 +58,7 @@ def path_problem(path: Path) -> str | None:
     return None
 
 
-def read_log(path: Path, name: str, selection: Wanted) -> Recorded:
+def read_log(path: Path, name: str, selection: MessageSelection) -> Recorded:
     """Return the messages of a topic, in the order of their times.
 
     `path`: of the file, or of a folder whose files are known to be in the workspace; `name`: of the log in messages.
@@ -279,7 +279,7 @@ def _as_recording_error(name: str) -> Iterator[None]:
         raise RecordingError(escaped_line(f"{name}: the log cannot be read: {type(error).__name__}: {what}")) from None
 
 
-def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
+def _recorded(storages: Sequence[_Storage], selection: MessageSelection) -> Recorded:
     topic, connections = selection.topic, _connections(storages, selection)
     clock = _clock_of(storages) if selection.stamps == "clock" else None
     content_of, decoded = TYPES[connections[0].msgtype].content, _decoder(connections)
@@ -317,7 +317,7 @@ def _recorded(storages: Sequence[_Storage], selection: Wanted) -> Recorded:
     return Recorded(tuple(rows), read=read, unused={"without a finite value": read - len(rows)})
 
 
-def _connections(storages: Sequence[_Storage], selection: Wanted) -> list[Connection]:
+def _connections(storages: Sequence[_Storage], selection: MessageSelection) -> list[Connection]:
     topic = selection.topic
     connections = [connection for storage in storages for connection in storage.connections]
     chosen = [connection for connection in connections if connection.topic == topic]

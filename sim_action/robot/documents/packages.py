@@ -121,7 +121,7 @@ class PackageError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ResolvedPath:
     """The file or folder that a reference names."""
 
     path: Path
@@ -141,7 +141,7 @@ class Packages:
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
     _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
     _names: PackageNames = field(default_factory=PackageNames, init=False, repr=False, compare=False)
-    _cached: dict[tuple[str, str, Path], Found | None] = field(
+    _cached: dict[tuple[str, str, Path], ResolvedPath | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     _ordered: dict[tuple[str, Path], list[Path]] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -154,7 +154,7 @@ class Packages:
             except PackageError as error:
                 yield name, str(error)
 
-    def find(self, name: str, referrer: Path) -> Found:
+    def find(self, name: str, referrer: Path) -> ResolvedPath:
         """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
         referring_file = referrer.resolve()
         package = self._declared("package", name, referring_file) or next(
@@ -164,7 +164,7 @@ class Packages:
             raise self._missing("package", name, referring_file)
         return package
 
-    def find_model(self, name: str, referrer: Path) -> Found:
+    def find_model(self, name: str, referrer: Path) -> ResolvedPath:
         """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
         referring_file = referrer.resolve()
         model = self._declared("model", name, referring_file)
@@ -172,7 +172,7 @@ class Packages:
             raise self._missing("model", name, referring_file)
         return model
 
-    def resolve(self, reference: str, referrer: Path) -> Found:
+    def resolve(self, reference: str, referrer: Path) -> ResolvedPath:
         """Return the file that `reference`, written in `referrer`, names. Raises PackageError."""
         target = self.locate(reference, referrer)
         try:
@@ -188,7 +188,7 @@ class Packages:
             hint = f"; the file is in {listed(others)}, {advice}" if others else ""
             raise PackageError(error.rule, f"{error}{hint}") from None
 
-    def locate(self, reference: str, referrer: Path) -> Found:
+    def locate(self, reference: str, referrer: Path) -> ResolvedPath:
         """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
         referring_file = referrer.resolve()
         first = None
@@ -212,9 +212,9 @@ class Packages:
             raise PackageError("missing-file", f"'{reference}' is in no folder for models (searched: {searched})")
         raise self._missing(stated.scheme, stated.name, referring_file)
 
-    def _candidates(self, stated: Reference, referrer: Path) -> Iterator[Found]:
+    def _candidates(self, stated: Reference, referrer: Path) -> Iterator[ResolvedPath]:
         """Yield the paths that a reference may mean, the most likely one first; none if its package is unknown."""
-        tried = list[Found]()
+        tried = list[ResolvedPath]()
         for folder in self._places(stated, referrer):
             tried.append(folder)
             yield replace(folder, path=folder.path / stated.path)
@@ -224,33 +224,33 @@ class Packages:
         if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
             yield from self._shortened(stated, referrer, self._declared(stated.scheme, stated.name, referrer))
 
-    def _places(self, stated: Reference, referrer: Path) -> Iterator[Found]:
+    def _places(self, stated: Reference, referrer: Path) -> Iterator[ResolvedPath]:
         """Yield the folders in which the path of a reference may start."""
         if not stated.scheme or stated.is_absolute:
-            yield Found(Path() if stated.is_absolute else referrer.parent)
+            yield ResolvedPath(Path() if stated.is_absolute else referrer.parent)
         elif stated.scheme == "file":
             # Gazebo searches such a path on the path for models.
             name, _, path = stated.path.partition("/") if "/" in stated.path else ("", "", stated.path)
             if self._is_there(referrer.parent / stated.path):
-                yield Found(
+                yield ResolvedPath(
                     referrer.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", referrer),)
                 )
             for folder in self._places(Reference("model", name, path), referrer):
                 if self._is_there(folder.path / path):
                     yield replace(folder, path=folder.path.parent) if name else folder
         elif not stated.name:
-            yield from map(Found, self._environment_folders.model_path)
+            yield from map(ResolvedPath, self._environment_folders.model_path)
         elif (declared := self._declared(stated.scheme, stated.name, referrer)) is not None:
             yield declared
         else:
             yield from self._folders(stated, referrer)
 
-    def _declared(self, scheme: str, name: str, referrer: Path) -> Found | None:
+    def _declared(self, scheme: str, name: str, referrer: Path) -> ResolvedPath | None:
         if (scheme, name, referrer) not in self._cached:
             self._cached[scheme, name, referrer] = (self._model if scheme == "model" else self._package)(name, referrer)
         return self._cached[scheme, name, referrer]
 
-    def _folders(self, stated: Reference, referrer: Path) -> Iterator[Found]:
+    def _folders(self, stated: Reference, referrer: Path) -> Iterator[ResolvedPath]:
         """Yield the folders with the name of a package that has no package.xml."""
         name = stated.name
         undeclared = f"no package.xml or model.config has the name '{name}'"
@@ -268,9 +268,9 @@ class Packages:
             others = listed(self._shown(other) for other in suitable[1:])
             reason = f"because it is nearest to {referrer.name}, not {others}" if others else "a folder of that name"
             yield self._noted(folder, f"{undeclared}: {self._shown(folder)} is used, {reason}")
-        yield from map(Found, self._environment_folders.named(name))
+        yield from map(ResolvedPath, self._environment_folders.named(name))
 
-    def _respelled(self, folder: Found, path: str) -> Iterator[Found]:
+    def _respelled(self, folder: ResolvedPath, path: str) -> Iterator[ResolvedPath]:
         """Yield the file whose name differs in letter case or has slashes for backslashes."""
         place = self._listings.matched(folder.path, path, self.may_read)
         if place is not None:
@@ -278,7 +278,7 @@ class Packages:
             text += f"; not {listed(others)}" if (others := self._listings.similar(place)) else ""
             yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
 
-    def _shortened(self, stated: Reference, referrer: Path, declared: Found | None) -> Iterator[Found]:
+    def _shortened(self, stated: Reference, referrer: Path, declared: ResolvedPath | None) -> Iterator[ResolvedPath]:
         """Yield files of a package whose outer folders were renamed or left out, below folders above the model."""
         parts = (stated.name, *PurePosixPath(stated.path).parts)
         above = list(self._above(referrer))
@@ -294,7 +294,7 @@ class Packages:
         if declared is not None:
             yield from self._uninstalled(declared.path / stated.path)
 
-    def _uninstalled(self, path: Path) -> Iterator[Found]:
+    def _uninstalled(self, path: Path) -> Iterator[ResolvedPath]:
         """Yield the file that a package has in a deeper folder of its source, from where the build installs it."""
         package = next((folder for folder in self._above(path) if (folder / PACKAGE_FILE).is_file()), None)
         inner = () if package is None else path.relative_to(package).parts[:-1]
@@ -310,8 +310,8 @@ class Packages:
             )
             yield replace(self._noted(folder, f"{text}, not {others}" if others else text), path=folder / path.name)
 
-    def _noted(self, folder: Path, text: str) -> Found:
-        return Found(folder, (Note("package-folder", f"{text}; set robot.packages to choose another", folder),))
+    def _noted(self, folder: Path, text: str) -> ResolvedPath:
+        return ResolvedPath(folder, (Note("package-folder", f"{text}; set robot.packages to choose another", folder),))
 
     def _shown(self, path: Path) -> str:
         root = self.workspace.root
@@ -326,10 +326,10 @@ class Packages:
         except (PackageError, OSError, ValueError):
             return False
 
-    def included(self, path: Path, reference: str) -> Found:
+    def included(self, path: Path, reference: str) -> ResolvedPath:
         """Return the file at an absolute path, or where it is in its package's source. Raises PackageError."""
         try:
-            return Found(self.file(path, reference))
+            return ResolvedPath(self.file(path, reference))
         except PackageError as error:
             source = next(self._uninstalled(path), None) if error.rule == "missing-file" else None
             if source is None:
@@ -373,19 +373,19 @@ class Packages:
             raise self._outside(f"'{reference}'", resolved, portable if is_absolute else "")
         return resolved
 
-    def _package(self, name: str, referrer: Path) -> Found | None:
+    def _package(self, name: str, referrer: Path) -> ResolvedPath | None:
         package = self._of_workspace(name) or self._mapped(name)
         package = package or self._own(name, referrer) or _nearest(self._inside.packages.get(name), referrer)
         return package or _of(self._environment_folders.package(name))
 
-    def _model(self, name: str, referrer: Path) -> Found | None:
+    def _model(self, name: str, referrer: Path) -> ResolvedPath | None:
         model = self._of_workspace(name) or self._mapped(name) or _nearest(self._inside.models.get(name), referrer)
         return model or _of(self._environment_folders.model(name)) or self._package(name, referrer)
 
-    def _of_workspace(self, name: str) -> Found | None:
+    def _of_workspace(self, name: str) -> ResolvedPath | None:
         return _of(next((Path(folder) for package, folder in self.workspace.packages if package == name), None))
 
-    def _mapped(self, name: str) -> Found | None:
+    def _mapped(self, name: str) -> ResolvedPath | None:
         if name not in self.mapped:
             return None
         what = f"'{name}: {self.mapped[name]}' in robot.packages"
@@ -399,14 +399,14 @@ class Packages:
             raise self._outside(what, folder)
         if not is_folder:
             raise PackageError("missing-package", f"{what} is not a folder (looked for {folder})")
-        return Found(folder)
+        return ResolvedPath(folder)
 
-    def _own(self, name: str, referrer: Path) -> Found | None:
+    def _own(self, name: str, referrer: Path) -> ResolvedPath | None:
         """Return the package of the referring file, if it has this name: it comes before others of the same name."""
         for folder in self._above(referrer):
             manifest = folder / PACKAGE_FILE
             if manifest.is_file() and self.may_read(manifest.resolve()) and self._names.of(folder) == name:
-                return Found(folder)
+                return ResolvedPath(folder)
         return None
 
     def _above(self, referrer: Path) -> Iterator[Path]:
@@ -454,20 +454,20 @@ class Packages:
         )
 
 
-def _of(folder: Path | None) -> Found | None:
-    return None if folder is None else Found(folder)
+def _of(folder: Path | None) -> ResolvedPath | None:
+    return None if folder is None else ResolvedPath(folder)
 
 
-def _nearest(folders: tuple[Path, ...] | None, referrer: Path) -> Found | None:
+def _nearest(folders: tuple[Path, ...] | None, referrer: Path) -> ResolvedPath | None:
     """Return the folder with the shortest path from the referring file, with a warning if there are several."""
     if folders is None:
         return None
     nearest, *others = by_distance(folders, referrer)
     if not others:
-        return Found(nearest)
+        return ResolvedPath(nearest)
     chosen = f"{nearest} is used, because it is nearest to {referrer.name}, not {listed(map(str, others))}"
     text = f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one"
-    return Found(nearest, (Note("several-packages", text, nearest),))
+    return ResolvedPath(nearest, (Note("several-packages", text, nearest),))
 
 
 Version = tuple[int, int]
@@ -480,7 +480,7 @@ _MODEL: Final = "model.sdf"
 
 def find_model_file(
     reference: str, referrer: Path, packages: Packages, read: Callable[[Path], ModelDocument] = read_document
-) -> Found:
+) -> ResolvedPath:
     """Return the file that an address, path or model folder names; `read`: for model.config. Raises PackageError."""
     scheme, separator, rest = reference.partition("://")
     notes: tuple[Note, ...] = ()
@@ -497,8 +497,8 @@ def find_model_file(
     else:
         return packages.resolve(reference, referrer)
     if not is_folder(place):
-        return Found(packages.file(place, reference), notes)
-    return Found(_file_in(place.resolve(), reference, packages, read), notes)
+        return ResolvedPath(packages.file(place, reference), notes)
+    return ResolvedPath(_file_in(place.resolve(), reference, packages, read), notes)
 
 
 def is_model_folder(path: Path) -> bool:

@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from sim_action.commands.logs import Content, Recorded, Steering, Trajectory, rosbag
-from sim_action.commands.logs.ros_messages import TWISTS, TYPES, MessageError, MessageType, Wanted
+from sim_action.commands.logs.ros_messages import TWISTS, TYPES, MessageError, MessageSelection, MessageType
 from sim_action.commands.logs.rosbag import files_of, path_problem, read_log
 from sim_action.core.errors import RecordingError, RunError
 from sim_action.core.geometry import Twist
@@ -53,12 +53,12 @@ def written(folder: Path, log: str, entries: list[bags.Entry]) -> Path:
 
 
 def read(path: Path, topic: str = "/cmd_vel", type_name: str | None = None, **keys: Any) -> list[TimedContent]:
-    rows = read_log(path, "monday", Wanted(topic, type_name, **keys)).rows
+    rows = read_log(path, "monday", MessageSelection(topic, type_name, **keys)).rows
     return [((time_ns - rows[0][0]) / 1e9, content) for time_ns, content in rows]
 
 
 def recorded_in(path: Path) -> Recorded:
-    return read_log(path, "monday", Wanted("/cmd_vel"))
+    return read_log(path, "monday", MessageSelection("/cmd_vel"))
 
 
 def log_file(path: Path, entries: list[bags.Entry]) -> Path:
@@ -241,7 +241,7 @@ both_generations = pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ros1", "
 
 def content_of(message: Any, **keys: Any) -> Content | None:
     name = message.__msgtype__
-    return TYPES[name].content(message, Wanted("/topic", **keys))
+    return TYPES[name].content(message, MessageSelection("/topic", **keys))
 
 
 def test_every_type_that_a_scenario_can_name_is_read() -> None:
