@@ -12,7 +12,7 @@ from pydantic import BaseModel, PydanticUserError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from sim_action.app.catalogue import package_parts
-from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key, reachable
+from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource
@@ -92,13 +92,6 @@ def base_schema(added: Added = MappingProxyType({})) -> Schema:
         "base", "base of simulation scenarios", "Keys that scenarios share: they name this file with `extends`."
     )
     return schemas.document(head, _merged(scenario, schemas, ("extends",)))
-
-
-def plain_schema() -> Schema:
-    """The schema of one scenario as pydantic writes it, in draft 2020-12."""
-    scenario, definitions = _models()
-    used = reachable(scenario, definitions.__getitem__)
-    return {"$schema": GenerateJsonSchema.schema_dialect, **scenario, "$defs": used}
 
 
 def _head(kind: str, title: str, description: str) -> Schema:

@@ -64,11 +64,6 @@ class Source:
     equal_draws: tuple[str, ...] = ()  # the drawn keys of such a run: all of their values are equal
 
     @property
-    def gate_name(self) -> str | None:
-        """The name of its gate."""
-        return None if self.gate is None else self.gate.name
-
-    @property
     def tags(self) -> tuple[str, ...]:
         """The valid tags."""
         tags = self.document.data.get("tags") if isinstance(self.document.data, dict) else None

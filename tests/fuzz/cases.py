@@ -12,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
-from sim_action.app.schema import plain_schema
+from sim_action.app.editor_schema import reachable
+from sim_action.app.schema import _models
 from sim_action.commands import COMMANDS
 from tests.fuzz.damage import NUMBERS, TOKENS, damaged, structure_damaged
 from tests.fuzz.schema_values import value
@@ -79,7 +80,8 @@ def _examples() -> tuple[tuple[str, str, Any], ...]:
 
 @cache
 def _schema() -> dict[str, Any]:
-    return plain_schema()
+    scenario, definitions = _models()
+    return {**scenario, "$defs": reachable(scenario, definitions.__getitem__)}
 
 
 @cache

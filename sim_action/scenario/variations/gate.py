@@ -334,10 +334,7 @@ def runs_without_draws(document: Document, stated: GateOfScenario) -> int:
 
 
 def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
-    """Raise InvalidScenario if the gate has another number of runs, or if no result of so many runs passes it."""
-    if stated.gate.runs not in (None, runs):
-        message = f"{stated.gate.runs} runs, but the draws of 'variations' have {runs} samples; write one number"
-        raise InvalidScenario([document.problem((GATE, "runs"), message)])
+    """Raise InvalidScenario if no result of so many runs passes the gate."""
     if stated.gate.errors.at_most >= runs:
         message = f"all of the {runs} runs may be without a verdict; allow fewer"
         raise InvalidScenario([document.problem((GATE, "errors", "at_most"), message)])

@@ -35,7 +35,7 @@ def test_all_samples_share_one_gate() -> None:
 def test_listed_values_have_a_gate_each_whose_runs_follow_each_other() -> None:
     keys = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}, time_limit: [10 s, 20 s]}\n"
     found = runs(f"{keys}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n")
-    assert [run.gate_name for run in found] == ["push[time_limit=10s]"] * 5 + ["push[time_limit=20s]"] * 5
+    assert [run.gate and run.gate.name for run in found] == ["push[time_limit=10s]"] * 5 + ["push[time_limit=20s]"] * 5
     assert {run.gate.runs for run in found if run.gate is not None} == {5}
 
 
@@ -289,3 +289,11 @@ def test_a_problem_of_one_of_several_quantiles_is_at_its_entry() -> None:
 def test_shares_that_differ_are_shown_differently(shares: tuple[float, ...], texts: tuple[str, ...]) -> None:
     assert percents_apart(*shares) == texts
     assert len(shares) > 1 or percent(*shares) == texts[0]
+
+
+@pytest.mark.parametrize(("key", "value"), [("after", "1 s"), ("before", "9 s"), ("severity", "warning")])
+def test_a_key_next_to_an_assertion_is_no_expectation(key: str, value: str, tmp_path: Path) -> None:
+    gate = f"gate: {{runs: 5, quantile: {{of: {key}.measured, q: 50 %, at_least: 1 m}}}}\n"
+    text = LEAST.replace("1.5 m}\n", f"1.5 m}}\n    {key}: {value}\n")
+    (problem,) = load_refused(tmp_path, f"{text}{DRAWN}{gate}").problems
+    assert f"no expectation is '{key}'" in problem.message
