@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 from unittest.mock import Mock
@@ -254,3 +255,10 @@ def test_an_interpreter_that_could_not_open_its_files_has_not_begun(
 def test_outcomes_have_the_tags_of_their_scenario(tmp_path: Path) -> None:
     gone = child(tmp_path, f"tags: [nightly, slow]\n{SCENARIO}")
     assert skipped(gone.job.loaded).tags == outcome_of(gone, 3).tags == ("nightly", "slow")
+
+
+def test_a_replay_that_was_not_written_is_not_named(tmp_path: Path) -> None:
+    gone = Gone.start(replace(child(tmp_path).job, replay=tmp_path / "n.html"))
+    assert outcome_of(gone, -9).replay is None
+    (tmp_path / "n.html").write_text("of this run")
+    assert outcome_of(gone, -9).replay == "n.html"

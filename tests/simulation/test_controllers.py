@@ -63,6 +63,12 @@ def changed_in_place(observation):
     THE_SAME.linear_xyz[0] = 0.05 if observation.time < 0.3 else 0.1
     return THE_SAME
 
+SPEEDS = {"wheel_left_joint": 0.0}
+
+def reused(observation):
+    SPEEDS["wheel_left_joint"] += 1.0
+    return JointTargets(velocity=SPEEDS)
+
 def by_hand_in_between(observation):
     by_hand = 0.25 < observation.time < 0.35
     return JointTargets(velocity={"wheel_left_joint": 3.0}) if by_hand else Twist.planar(0.05)
@@ -328,6 +334,12 @@ def test_late_commands_take_effect_between_ticks(tmp_path: Path) -> None:
     given = {step: target.wrenches for step, target in applied(found, 60).items() if target.wrenches}
     wrench = LinkWrench("base_footprint", (2.0, 0.0, 0.0))
     assert given == {24: (wrench,), 48: (wrench,)}
+
+
+def test_a_late_command_is_the_one_that_was_sent(tmp_path: Path) -> None:
+    found = controls(tmp_path, "{script: ctl.py, function: reused, rate: 10, latency: 0.15}")
+    speeds = {step: target.velocity["wheel_left_joint"] for step, target in applied(found, 96).items()}
+    assert speeds == {36: 1.0, 60: 2.0, 84: 3.0}
 
 
 def test_equal_answers_of_a_repeating_source_are_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -112,6 +112,8 @@ def test_an_invariant_that_was_judged_once(expect: str, rate: str, found: str | 
     if found == "expect.0.sensor":
         (finding,) = run(tmp_path, text).findings
         assert finding.message == "was judged at one moment only, at 0.00 s; raise the sensor's rate, or run for longer"
+        # A run of one step has no other moment.
+        assert rules(tmp_path, text.replace("duration: 0.5 s", "duration: 1 ms")) == []
 
 
 @pytest.mark.parametrize(

@@ -426,6 +426,13 @@ def found(folder: Path, reference: str) -> Path:
     return find_model_file(reference, folder / "robot.sdf", packages).path.relative_to(folder)
 
 
+def test_a_path_is_relative_to_the_file_behind_a_link(tmp_path: Path) -> None:
+    written(tmp_path / "models/rover.sdf", "")
+    written(tmp_path / "models/scene.sdf", "")
+    (tmp_path / "robot.sdf").symlink_to(tmp_path / "models/scene.sdf")
+    assert found(tmp_path, "./rover.sdf") == Path("models/rover.sdf")
+
+
 def manifest(folder: Path, inside: str) -> None:
     written(folder / "rover/model.config", f"<model>{inside}</model>")
 
