@@ -196,7 +196,11 @@ def _number(tag: Element, name: str) -> float | None:
     return None if text is None or is_expression(text) else float(text)
 
 
+def plugin_name(plugin: Element) -> str:
+    """Return the file of a plugin, without "lib" and ".so"."""
+    return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
+
+
 def _plugin(element: Element, place: Location | None) -> Plugin:
-    file = PurePath(element.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
     parameters = tuple((child.tag, (child.text or "").strip()) for child in element)
-    return Plugin(file, parameters, element.get("name", ""), place)
+    return Plugin(plugin_name(element), parameters, element.get("name", ""), place)

@@ -19,7 +19,7 @@ from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.documents.part_table import part_table
 from sim_action.robot.documents.sdf_elements import pose_of
-from sim_action.world.world_files import plugin_name
+from sim_action.robot.documents.urdf_elements import plugin_name
 
 _DRIVE: Final = "sim_action.ros.ros1.node.devices:open_drive"
 _LASER: Final = "sim_action.ros.ros1.node.devices:open_laser"
@@ -113,10 +113,10 @@ def plugins_of(root: Element, space: str = "") -> Iterator[Plugin]:
     for parent in root.iter():
         link = parent.get("reference", parent.get("name", "")) if parent.tag in {"gazebo", "link"} else ""
         for plugin in parent.findall("plugin") if parent.tag in {"gazebo", "model"} else []:
-            yield _plugin(plugin, None, "", space)
+            yield Plugin(plugin_name(plugin), Tags(plugin), Tags(None), "", space)
         for sensor in parent.findall("sensor"):
             for plugin in sensor.findall("plugin"):
-                yield _plugin(plugin, sensor, link, space)
+                yield Plugin(plugin_name(plugin), Tags(plugin), Tags(sensor), link, space)
 
 
 def base_in_model(root: Element, link: str) -> Pose:
@@ -125,10 +125,6 @@ def base_in_model(root: Element, link: str) -> Pose:
         if element.get("name") == link and (pose := element.find("pose")) is not None and not pose.get("relative_to"):
             return pose_of(pose)
     return Pose()
-
-
-def _plugin(element: Element, sensor: Element | None, link: str, space: str) -> Plugin:
-    return Plugin(plugin_name(element), Tags(element), Tags(sensor), link, space)
 
 
 LOST_FINDINGS: Final[Mapping[str, str]] = {

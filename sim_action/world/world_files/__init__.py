@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.etree.ElementTree import Element
 
@@ -20,6 +20,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, field
 from sim_action.robot.documents.packages import NEWEST, Packages
 from sim_action.robot.documents.sdf_elements import Notes, flag_attribute, numbers_of, pose_of
+from sim_action.robot.documents.urdf_elements import plugin_name
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.reading.sdf.composition import Entry
@@ -31,7 +32,7 @@ from sim_action.world.world_files.world_bodies import BodyReader, ReadBody, Shap
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
-__all__ = ["Loss", "WorldFile", "WorldRobot", "plugin_name", "plugin_names", "read_world_file"]
+__all__ = ["Loss", "WorldFile", "WorldRobot", "plugin_names", "read_world_file"]
 
 _MISSING: Final = frozenset({"missing-include", "missing-package"})
 """Rules of findings that make a model missing from the world."""
@@ -188,11 +189,5 @@ class _WorldReader:
 
 def plugin_names(model: Entry) -> list[str]:
     """Return the plugins of a model, of the models in it, and of their sensors."""
-    assert model.scope is not None
-    sensors = [plugin for scope in model.scope.scopes() for plugin in scope.element.iterfind("link/sensor/plugin")]
-    return list(map(plugin_name, (*model.scope.plugins(), *model.included_plugins, *sensors)))
-
-
-def plugin_name(plugin: Element) -> str:
-    """Return the file of a plugin, without "lib" and ".so"."""
-    return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
+    flat = model.flat_model
+    return [*map(plugin_name, (*flat.iterfind("plugin"), *flat.iterfind("link/sensor/plugin")))]

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.geometry import Pose, compose
+from sim_action.ros.ros1.gazebo_plugins import plugins_of
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, read_world
 from sim_action.world import World, placed
 from sim_action.world.parts import CylinderPart
@@ -216,3 +217,19 @@ def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
 def test_what_cannot_be_spawned_is_refused(text: str) -> None:
     with pytest.raises(BadWorld):
         body_of("wall", text, Pose())
+
+
+LASER = """<model name="laser"><link name="eye"><sensor name="s" type="ray">
+<plugin name="p" filename="libgazebo_ros_laser.so"/></sensor></link>
+<plugin name="x" filename="libunknown.so"/></model>"""
+SCOUT = """<model name="scout"><link name="base"/><include><uri>model://laser</uri><name>front</name></include>
+<joint name="j" type="fixed"><parent>base</parent><child>front::eye</child></joint>
+<plugin name="d" filename="libgazebo_ros_diff_drive.so"/></model>"""
+
+
+def test_plugins_of_models_in_a_robot_are_its_own(tmp_path: Path) -> None:
+    add_model(tmp_path, "laser", LASER)
+    robot = file_of(tmp_path, SCOUT).robot
+    assert robot is not None
+    plugins = [(plugin.name, plugin.link) for plugin in plugins_of(robot.entry.flat_model)]
+    assert plugins == [("gazebo_ros_diff_drive", ""), ("unknown", ""), ("gazebo_ros_laser", "front::eye")]

@@ -188,11 +188,14 @@ class Entry:
     scope: Scope | None = None  # the inside of a model; None for other kinds
 
     @property
-    def whole_model(self) -> Element:
-        """A new <model> with all parts of a model, and the plugins of the <include> that names it."""
+    def flat_model(self) -> Element:
+        """A new <model> with the plugins and links of a model and of all models in it; links have their names in it."""
         assert self.scope is not None
         model = Element("model", self.scope.element.attrib)
-        model.extend([*self.scope.element, *self.included_plugins])
+        model.extend([*self.scope.plugins(), *self.included_plugins])
+        for link in self.scope.all_of("link"):
+            flat = ET.SubElement(model, "link", name=link.full_name.removeprefix(self.scope.prefix))
+            flat.extend(link.element)
         return model
 
     @property

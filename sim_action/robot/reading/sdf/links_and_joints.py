@@ -202,7 +202,8 @@ def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path)
         uri = text_of(shape, "uri")
         if not uri:
             raise SdfProblem("missing-part", shape, "<mesh> has no <uri>")
-        writer.add_mesh(parent, shape, uri, vector_of(shape.find("scale"), (1.0, 1.0, 1.0)), file)
+        scale = vector_of(shape.find("scale"), (1.0, 1.0, 1.0))
+        writer.files[writer.add(parent, "mesh", shape, filename=uri, scale=numbers(*scale))] = file
     elif shape.tag in _SIZES:
         sizes = {name: numbers(*numbers_of(needed(shape, name), count)) for name, count in _SIZES[shape.tag].items()}
         writer.add(parent, shape.tag, shape, **sizes)
@@ -250,7 +251,7 @@ class UrdfWriter:
         self.root = Element("robot", name=name)
         self._sources = sources
         self._places = {self.root: sources[source]}
-        self._files: dict[Element, Path] = {}
+        self.files: dict[Element, Path] = {}  # <mesh> -> the file from which its path starts
 
     def add(self, parent: Element, tag: str, source: Element, **attributes: str) -> Element:
         """Add an element with the place of `source`."""
@@ -263,11 +264,6 @@ class UrdfWriter:
         rpy = geometry.rpy_from_quaternion(pose.orientation_xyzw)
         self.add(parent, "origin", source, xyz=numbers(*pose.position_xyz), rpy=numbers(*rpy))
 
-    def add_mesh(self, parent: Element, source: Element, uri: str, scale: Vector3, file: Path) -> None:
-        """Add a <mesh>, whose relative paths start from `file`."""
-        mesh = self.add(parent, "mesh", source, filename=uri, scale=numbers(*scale))
-        self._files[mesh] = file
-
     def share(self, parent: Element, source: Element) -> None:
         """Add an element of the SDF itself, with all its children."""
         parent.append(source)
@@ -275,7 +271,7 @@ class UrdfWriter:
 
     def document(self) -> ModelDocument:
         """Return the document."""
-        return ModelDocument(self.root, self._places, self._files)
+        return ModelDocument(self.root, self._places, self.files)
 
 
 def numbers(*values: float) -> str:

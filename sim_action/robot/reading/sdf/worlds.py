@@ -108,8 +108,8 @@ def robot_scope(
         message = f"the world has no model '{name}'{did_you_mean(name, world.models)}"
         document.refuse("not-a-robot", world.element, message)
     inner = entry.scope
-    model = entry.whole_model
-    model.set("name", name)
+    model = Element("model", {**inner.element.attrib, "name": name})
+    model.extend([*inner.element, *entry.included_plugins])
     notes.places[model] = others.places[inner.element]
     places = {**inner.file.document.places, model: notes.places[model]}
     file = replace(inner.file, model=model, document=replace(inner.file.document, places=places))

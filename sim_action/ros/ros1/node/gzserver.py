@@ -147,7 +147,7 @@ class _Server:
         if (robot := world_file.robot) is None:
             return WorldModels(world_file.world)
         file = f"{path.resolve()}{IN_WORLD}{robot.name}"
-        return WorldModels(world_file.world, SpawnedRobot(robot.name, robot.entry.whole_model, robot.pose, file=file))
+        return WorldModels(world_file.world, SpawnedRobot(robot.name, robot.entry.flat_model, robot.pose, file=file))
 
     def _simulate(self) -> End:
         """Simulate to the end. Raises RunError; ControllersFinished if all nodes leave before a robot is spawned."""
