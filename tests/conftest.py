@@ -10,6 +10,7 @@ import gc
 import os
 import sys
 import threading
+import time
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -17,11 +18,12 @@ import pytest
 from sim_action.core.process import BEFORE_IMPORTS
 from sim_action.engines import installed
 from sim_action.ros.ros2.installation import PYTHON_VARIABLE
-from tests.patience import wait_until
 from tests.ros.ros2.nodes import WHEELS
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
 _M_ARENA_MAX = -8  # a parameter of mallopt(3)
+_MAX_THREAD_S = 10.0  # the wait for the end of a thread
+_LASTING = set[threading.Thread]()  # those that did not end by then
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -62,7 +64,10 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_runtest_teardown() -> Generator[None, object, object]:
     """Wait for the end of all threads of a test: a process with threads is not forked for the runs of the next one."""
     ended = yield
-    wait_until(lambda: threading.active_count() == 1)
+    end = time.monotonic() + _MAX_THREAD_S
+    while (left := set(threading.enumerate()) - {threading.current_thread()} - _LASTING) and time.monotonic() < end:
+        time.sleep(0.001)
+    _LASTING.update(left)
     return ended
 
 
