@@ -136,7 +136,9 @@ def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
             time.sleep(_LOOK_EVERY_S)
             if (now := output.stat().st_size) != size:
                 size, since = now, time.monotonic()
-            if _stopped.is_set() or time.monotonic() - since > _SILENCE_S:
+            if _stopped.is_set():
+                raise InterruptedError("a mutant that is interrupted is not decided")
+            if time.monotonic() - since > _SILENCE_S:
                 return None
         return tests.returncode
     finally:
