@@ -419,12 +419,12 @@ def _client(address: ClusterAddress, stack: ExitStack) -> Client:
                 f"--cluster: no Dask scheduler answers at {address.text} within {_CONNECT_TIMEOUT_S:g} s "
                 f"({_refusal(error)}); start one with dask scheduler, and look whether this machine may connect to it"
             ) from None
-        stack.enter_context(client)
+        stack.callback(_close, client)
         return client
     folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True))
     stack.enter_context(dask.config.set(_LOCAL_SETTINGS))
-    cluster = stack.enter_context(
-        LocalCluster(
+    try:
+        cluster = LocalCluster(
             n_workers=address.workers,
             threads_per_worker=1,
             processes=True,
@@ -434,10 +434,18 @@ def _client(address: ClusterAddress, stack: ExitStack) -> Client:
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
-    )
-    client = Client(cluster, set_as_default=False)
-    stack.enter_context(client)
+        stack.callback(_close, cluster)
+        client = Client(cluster, set_as_default=False)
+    except (OSError, RuntimeError) as error:
+        raise UsageError(f"--cluster: the workers of {address.text} did not start ({_refusal(error)})") from None
+    stack.callback(_close, client)
     return client
+
+
+def _close(opened: Client | LocalCluster) -> None:
+    """Close it. What Dask cannot end in time, on a busy machine, ends with this process: no outcome is lost for it."""
+    with suppress(Exception):
+        opened.close()
 
 
 def _refusal(error: Exception) -> str:

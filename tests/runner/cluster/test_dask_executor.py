@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import pytest
 from distributed import KilledWorker
 
+from sim_action.core.errors import UsageError
 from sim_action.core.process import Interruption
 from sim_action.results.journal import Event, RunEnded, Started
 from sim_action.results.outcome import Outcome
+from sim_action.runner.cluster import dask_executor
+from sim_action.runner.cluster.address import ClusterAddress
 from sim_action.runner.cluster.dask_executor import Batches, ClusterRuns
 from sim_action.runner.cluster.dask_worker import Reply
 from sim_action.runner.cluster.task import Result
@@ -210,3 +215,19 @@ def test_batches_of_kinds_and_runs_that_are_put_back() -> None:
     assert len(batches) == 3
     assert batches.clear() == (1, 2, 0)
     assert not batches
+
+
+def test_a_cluster_that_cannot_be_closed_in_time_loses_no_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
+    cluster, client = (Mock(**{"close.side_effect": TimeoutError}) for _ in range(2))
+    monkeypatch.setattr(dask_executor, "LocalCluster", Mock(return_value=cluster))
+    monkeypatch.setattr(dask_executor, "Client", Mock(return_value=client))
+    with ExitStack() as stack:
+        assert dask_executor._client(ClusterAddress.parse("local:2"), stack) is client
+    client.close.assert_called_once_with()
+    cluster.close.assert_called_once_with()
+
+
+def test_workers_that_do_not_start_are_a_problem_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_executor, "LocalCluster", Mock(side_effect=RuntimeError("Nanny failed to start.")))
+    with ExitStack() as stack, pytest.raises(UsageError, match=r"the workers of local:2 did not start \(Nanny failed"):
+        dask_executor._client(ClusterAddress.parse("local:2"), stack)
