@@ -29,7 +29,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.engines.pybullet.engine import PyBulletEngine
 from sim_action.robot.model.findings import ALLOWABLE
 from sim_action.robot.model.kinematics import link_poses
-from sim_action.robot.model.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.robot_model import STOP_PLAY, Joint, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.simulation.guards import Watchdog
@@ -130,7 +130,8 @@ def _joint_differences(joint: Joint, info: Sequence[Any]) -> Iterator[str]:
     if info[12].decode(errors="replace") != joint.child:
         yield f"joint {joint.name}: its child is {info[12]!r} to the engine"
     if joint.type in ("revolute", "prismatic"):
-        wanted = (-1e16 if joint.lower is None else joint.lower, 1e16 if joint.upper is None else joint.upper)
+        lower, upper = joint.lower, joint.upper
+        wanted = (-1e16 if lower is None else lower - STOP_PLAY, 1e16 if upper is None else upper + STOP_PLAY)
         if (joint.lower, joint.upper) == (None, None):
             if info[8] <= info[9]:
                 yield f"joint {joint.name}: has no limits, the engine has {info[8:10]}"
