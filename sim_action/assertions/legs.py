@@ -155,7 +155,7 @@ class FeetOnGround(Feet):
 
 MAX_SLOPE_RAD: Final = math.radians(60)  # a surface that is steeper than this carries no foot: it is a wall
 
-# Pairs and triples of contact points are compared at once, for as many moments as this many numbers allow.
+# Pairs of contact points are compared at once, for as many moments as this many numbers allow.
 _MAX_NUMBERS: Final = 2_000_000
 _ON_LINE_M: Final = 1e-9  # m: points nearer to a line than this are on it
 _ON_GROUND_M: Final = 1e-4  # m: corners of a foot that are no higher are on the ground
@@ -240,7 +240,7 @@ def support_margins(centre_xy: FloatArray, moment: NDArray[np.intp], points_xy: 
     starts = np.cumsum(counts) - counts
     for count in np.unique(counts[counts > 0]).tolist():
         rows = np.flatnonzero(counts == count)
-        several = max(1, _MAX_NUMBERS // count**3)
+        several = max(1, _MAX_NUMBERS // count**2)
         for first in range(0, len(rows), several):
             some = rows[first : first + several]
             polygons = points_xy[starts[some][:, None] + np.arange(count)]
@@ -252,18 +252,25 @@ def _margins(centre: FloatArray, points: FloatArray) -> FloatArray:
     """Return the same (T,) for polygons (T, K, 2) of as many points."""
     ways = points[:, None, :, :] - points[:, :, None, :]
     lengths = np.sqrt((ways * ways).sum(axis=3))
+    # An edge leads to the point that is furthest to the right, as seen from its first point towards the middle.
+    middle = (points.mean(axis=1, keepdims=True) - points)[:, :, None, :]
+    ahead = np.sqrt((middle * middle).sum(axis=3)) * lengths + (middle * ways).sum(axis=3)
+    is_ahead = (lengths > _ON_LINE_M) & (ahead > 0)
+    turns = (middle[..., 0] * ways[..., 1] - middle[..., 1] * ways[..., 0]) / np.where(is_ahead, ahead, 1.0)
+    # Of points on one line, the last one counts.
+    ends = np.where(is_ahead, turns.round(10) - 1e-12 * lengths, math.inf).argmin(axis=2)[..., None]
+    edges, lengths = np.take_along_axis(ways, ends[..., None], axis=2), np.take_along_axis(lengths, ends, axis=2)
+    # The side of each point, and of the centre, as seen along the edge.
+    sides = edges[..., 0] * ways[..., 1] - edges[..., 1] * ways[..., 0]
+    is_edge = (lengths[..., 0] > _ON_LINE_M) & (sides >= -_ON_LINE_M * lengths).all(axis=2)
+    safe, edges = np.where(lengths > _ON_LINE_M, lengths, 1.0)[..., 0], edges[:, :, 0]
     arms = centre[:, None, :] - points
-    # The side of each point, and of the centre, as seen along the way from one point to another.
-    others = points[:, None, None, :, :] - points[:, :, None, None, :]
-    sides = ways[..., None, 0] * others[..., 1] - ways[..., None, 1] * others[..., 0]
-    is_edge = (lengths > _ON_LINE_M) & (sides >= -_ON_LINE_M * lengths[..., None]).all(axis=3)
-    safe = np.where(lengths > _ON_LINE_M, lengths, 1.0)
-    inside = (ways[..., 0] * arms[:, :, None, 1] - ways[..., 1] * arms[:, :, None, 0]) / safe
-    along = ((ways * arms[:, :, None, :]).sum(axis=3) / safe**2).clip(0.0, 1.0)
-    away = arms[:, :, None, :] - along[..., None] * ways
-    distance = np.sqrt((away * away).sum(axis=3))
-    least = np.where(is_edge, inside, math.inf).min(axis=(1, 2))
-    to_edge = np.where(is_edge, distance, math.inf).min(axis=(1, 2))
+    inside = (edges[..., 0] * arms[..., 1] - edges[..., 1] * arms[..., 0]) / safe
+    along = ((edges * arms).sum(axis=2) / safe**2).clip(0.0, 1.0)
+    away = arms - along[..., None] * edges
+    distance = np.sqrt((away * away).sum(axis=2))
+    least = np.where(is_edge, inside, math.inf).min(axis=1)
+    to_edge = np.where(is_edge, distance, math.inf).min(axis=1)
     to_point = np.sqrt((arms * arms).sum(axis=2)).min(axis=1)
     outside = np.minimum(to_edge, to_point)
     # Without an edge, all points are at one place. If all are on one line, `least` is 0 on the whole line.

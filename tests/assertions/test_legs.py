@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -259,6 +260,20 @@ def test_moments_have_their_own_polygons() -> None:
     points = np.array([*SQUARE, (0, 0), *((x + 1, y) for x, y in SQUARE)], dtype=np.float64)
     centres = np.array([(0, 0), (0, 0), (0, 3), (0, 0)], dtype=np.float64)
     assert support_margins(centres, moment, points).tolist() == pytest.approx([1.0, -math.inf, -3.0, 0.0])
+
+
+def test_soles_with_many_corners_take_little_memory() -> None:
+    """One moment of 16 meshes as feet, each with 16 corners: all triples would take 400 MB."""
+    turns = np.arange(256) * (math.tau / 256)
+    points = np.column_stack([np.cos(turns), np.sin(turns)])
+    tracemalloc.start()
+    try:
+        (least,) = support_margins(np.zeros((1, 2)), np.zeros(256, dtype=np.intp), points)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert least == pytest.approx(math.cos(math.pi / 256))
+    assert peak < 50e6
 
 
 def footing(*bodies: str, up: Vector3 = (0.0, 0.0, 1.0)) -> Footing:
