@@ -105,7 +105,9 @@ class Master:
         """Return the refused subscribers among the nodes that are up."""
         misfits = set[Misfit]()
         for path in (self._logs / MISFITS).glob("*-*[0-9]") if self._logs else ():
-            misfit = Misfit(*content_or_empty(path, _MAX_MISFIT_BYTES).decode(errors="replace").split("\n", 4))
+            # A file that cannot be read has no lines.
+            text = content_or_empty(path, _MAX_MISFIT_BYTES).decode(errors="replace") + "\n" * 4
+            misfit = Misfit(*text.split("\n")[:5])
             pid = graph.pids.get(misfit.publisher, 0)
             if path.name.startswith(f"{pid}-") and misfit.subscriber in graph.subscribers.get(misfit.topic, ()):
                 misfits.add(misfit)

@@ -19,7 +19,8 @@ import pytest
 
 from sim_action.ros.processes import children
 from sim_action.ros.ros1 import lockstep
-from sim_action.ros.ros1.master import Master
+from sim_action.ros.ros1.launch.ros_patches import MISFITS
+from sim_action.ros.ros1.master import Graph, Master
 from tests.patience import wait_until
 from tests.ros.ros1.launches import needs_ros, ros
 
@@ -214,3 +215,15 @@ def test_a_connection_ends_when_it_is_closed_and_a_master_that_has_gone_is_an_er
         time.sleep(0.01)
     with pytest.raises(OSError, match="does not answer"):
         asking.graph()
+
+
+def test_a_note_of_a_refused_subscriber_that_cannot_be_read_is_no_refusal(tmp_path: Path) -> None:
+    (tmp_path / MISFITS).mkdir()
+    (tmp_path / MISFITS / "12-34").touch()
+    (tmp_path / MISFITS / "7-9").write_text("/ear\n/topic\nstd_msgs/String\n/mouth\nstd_msgs/Int32")
+    graph = Graph({"/topic": frozenset({"/mouth"})}, {"/topic": frozenset({"/ear"})}, {"/mouth": 7}, 1)
+    asking = Master("http://localhost:1/", "/it", tmp_path)
+    asking.graph = lambda: graph  # type: ignore[method-assign]  # no master runs
+    assert asking.misfit_notes() == [
+        "the node 'ear' subscribes to /topic as std_msgs/String, but the node 'mouth' publishes std_msgs/Int32"
+    ]
