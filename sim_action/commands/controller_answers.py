@@ -16,7 +16,7 @@ from sim_action.core.lazy_numpy import Generator, np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import with_article
 from sim_action.robot.model.kinematics import beyond_limits, why_no_frame
-from sim_action.robot.model.robot_model import Joint, JointType, Reading, RobotModel
+from sim_action.robot.model.robot_model import STOP_SLACK, Joint, JointType, Reading, RobotModel
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
 from sim_action.state.joint_motion import JointMotion
 from sim_action.world.physics import MAX_FORCE
@@ -251,7 +251,8 @@ class Saturation:
 
     def _note_positions(self, asked: Mapping[str, float]) -> None:
         for name, position in asked.items():
-            if beyond := beyond_limits(self._joints[name], position):
+            # A controller may hold a joint that rests on its stop where it is measured.
+            if beyond := beyond_limits(self._joints[name], position, STOP_SLACK):
                 self.note_beyond(name, f"to a position that it cannot reach: {beyond}")
 
     def note_beyond(self, name: str, command: str) -> None:

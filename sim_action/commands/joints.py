@@ -36,7 +36,9 @@ from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 Interpolation = Literal["linear", "minimum_jerk", "hold"]
-_LIMITS: Final = MappingProxyType({"position": beyond_limits, "velocity": too_fast, "effort": too_strong})
+_LIMITS: Final[Mapping[Reading, Callable[[Joint, float], str | None]]] = MappingProxyType(
+    {"position": beyond_limits, "velocity": too_fast, "effort": too_strong}
+)
 _WITH_ARTICLE: Final = MappingProxyType({"position": "a position", "velocity": "a velocity", "effort": "an effort"})
 _MAX_TIME_S: Final = 86_400  # the longest sim time of a scenario
 _ADVICE_STEP_S: Final = 0.01  # times in advice are rounded up to a multiple of this

@@ -31,7 +31,7 @@ from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import SpecProblems
 from sim_action.robot.model.kinematics import beyond_limits
-from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_model import STOP_SLACK, RobotModel
 from sim_action.state.command import Answer, Command, JointTargets
 from sim_action.state.joint_motion import Curve, JointMotion, held, regular, straight
 from sim_action.state.timeline import TimeMark
@@ -534,10 +534,10 @@ class Playback:
         positions, speeds, _ = curve.states(times)
         lower, upper = limits.range
         beyond = np.flatnonzero((positions < lower) | (positions > upper))
-        rows = sum(beyond_limits(limits, row) is not None for row in curve.coefficients[:, 0].tolist())
+        rows = sum(beyond_limits(limits, row, STOP_SLACK) is not None for row in curve.coefficients[:, 0].tolist())
         # Every eighth sample is a row.
         for index in (beyond[beyond % 8 == 0] if rows else beyond).tolist():
-            if problem := beyond_limits(limits, float(positions[index])):
+            if problem := beyond_limits(limits, float(positions[index]), STOP_SLACK):
                 what = (
                     f"to {rows} positions that it cannot reach, first"
                     if rows

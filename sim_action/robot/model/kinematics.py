@@ -170,10 +170,10 @@ def _half_along(direction: Vector3, kind: str, half: Vector3) -> float:
     return abs(x) * width + abs(y) * depth + abs(z) * height
 
 
-def beyond_limits(joint: Joint, position: float) -> str | None:
+def beyond_limits(joint: Joint, position: float, slack: float = _POSITION_ROUNDING) -> str | None:
     """Return a message if a position in rad (m if prismatic) is outside the limits of a joint, else None."""
     lower, upper = joint.range
-    if lower - _POSITION_ROUNDING <= position <= upper + _POSITION_ROUNDING:
+    if lower - slack <= position <= upper + slack:
         return None
     unit = joint.dimension("position").si
     at, passed = units.display_apart(position, lower if position < lower else upper, unit)
