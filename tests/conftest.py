@@ -39,8 +39,8 @@ def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Four for each processor: tests that start processes wait more than they compute."""
-    return (os.cpu_count() or 1) * 4
+    """Three for each processor: tests that start processes wait more than they compute."""
+    return (os.cpu_count() or 1) * 3
 
 
 def pytest_configure() -> None:
