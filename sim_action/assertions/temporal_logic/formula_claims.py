@@ -10,27 +10,8 @@ from itertools import permutations
 from typing import Final
 
 from sim_action.assertions import CREEP_M, CREEP_M_S
-from sim_action.assertions.temporal_logic.formula import (
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Relation,
-    Signal,
-    Until,
-    comparisons,
-    everything,
-    signals,
-    signals_of,
-    signed_parts,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, signals, signals_of, signed_parts
 from sim_action.assertions.temporal_logic.formula_signals import BASE_SIGNALS, SENSOR_SIGNALS
 from sim_action.assertions.temporal_logic.intervals import (
     ANYTHING,
@@ -57,7 +38,7 @@ _AXES: Final = "xyz"
 _FELT_N: Final = 1e-3  # N: a contact sensor that reads less felt nothing
 # m: in a formula, an infinite range is 1e9 m.
 _IN_RANGE_M: Final = 1e8
-_OPPOSITE: Final[dict[Relation, Relation]] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_OPPOSITE: Final[dict[stl.Relation, stl.Relation]] = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _ANGLE: Final = re.compile(r"([0-9][0-9.e+-]*) (rad/s|rad)\b")
 
 
@@ -66,16 +47,16 @@ class Beside:
     """A number without a unit that is compared with signals."""
 
     number: float
-    signals: tuple[Signal, ...]
+    signals: tuple[stl.Signal, ...]
     at: int
 
 
 def bare_numbers(formula: Formula) -> Iterator[Beside]:
     """Yield each number without a unit that is one side of a comparison, with the signals of the other side."""
-    for comparison in comparisons(formula):
+    for comparison in stl.comparisons(formula):
         for side, other in ((comparison.left, comparison.right), (comparison.right, comparison.left)):
-            number = side.term if isinstance(side, Negative) else side
-            if isinstance(number, Number) and not number.unit:
+            number = side.term if isinstance(side, stl.Negative) else side
+            if isinstance(number, stl.Number) and not number.unit:
                 yield Beside(number.value, tuple(signals(other)), side.at)
 
 
@@ -102,12 +83,12 @@ def premises(formula: Formula) -> tuple[Premise, ...]:
     of a sensor is compared only if something is in range, and its force only if it felt one.
     """
     seen = (
-        Premise(Comparison(signal, "<", Number(_IN_RANGE_M)), Interval(), signal.names[0])
+        Premise(stl.Comparison(signal, "<", stl.Number(_IN_RANGE_M)), Interval(), signal.names[0])
         for signal in signals_of(formula)
         if signal.source == "sensor" and signal.name in DISTANCES and "max" not in signal.names
     )
     felt = (
-        Premise(Comparison(signal, ">", Number(_FELT_N)), Interval())
+        Premise(stl.Comparison(signal, ">", stl.Number(_FELT_N)), Interval())
         for signal in signals_of(formula)
         if signal.source == "sensor" and signal.name == "force"
     )
@@ -116,16 +97,16 @@ def premises(formula: Formula) -> tuple[Premise, ...]:
 
 def _premises(formula: Formula, when: Interval, *, contrary: bool, throughout: bool) -> Iterator[Premise]:
     inner = signed_parts(formula, contrary)
-    if isinstance(formula, Implies) and not contrary:
+    if isinstance(formula, stl.Implies) and not contrary:
         yield Premise(formula.premise, when)
-    elif throughout and isinstance(formula, And if contrary else Or) and _relates_quantities(formula):
+    elif throughout and isinstance(formula, stl.And if contrary else stl.Or) and _relates_quantities(formula):
         alternatives = [part if flip else _negated(part) for part, flip in inner]
         deadlines = [premise for premise in alternatives if {signal.name for signal in signals_of(premise)} == {"time"}]
         yield from (Premise(premise, when) for premise in deadlines or alternatives)
     for index, (part, flip) in enumerate(inner):
         lasts = throughout
-        if isinstance(formula, Always | Eventually | Until):
-            lasts = isinstance(formula, Always) != contrary or (isinstance(formula, Until) and index == 0)
+        if isinstance(formula, stl.Always | stl.Eventually | stl.Until):
+            lasts = isinstance(formula, stl.Always) != contrary or (isinstance(formula, stl.Until) and index == 0)
         yield from _premises(part, _judged(formula, index, when), contrary=flip, throughout=lasts)
 
 
@@ -137,20 +118,20 @@ def _relates_quantities(formula: Formula) -> bool:
 
 def _negated(formula: Formula) -> Formula:
     match formula:
-        case Comparison():
+        case stl.Comparison():
             return replace(formula, relation=_OPPOSITE[formula.relation])
-        case Not():
+        case stl.Not():
             return formula.formula
         case _:
-            return Not(formula)
+            return stl.Not(formula)
 
 
 def _judged(formula: Formula, index: int, when: Interval) -> Interval:
     """Return the times at which a direct subformula is judged; `when`: the times of the formula."""
     match formula:
-        case Until() if index == 0:
+        case stl.Until() if index == 0:
             return _later(when, Interval(0.0, formula.interval.end))
-        case Always() | Eventually() | Until():
+        case stl.Always() | stl.Eventually() | stl.Until():
             return _later(when, formula.interval)
         case _:
             return when
@@ -186,7 +167,7 @@ def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Finding
         return
     reported = {constant.part for constant in constants(formula, _possible_anywhere(scene.physics))}
     places = _Places(scene)
-    for comparison in comparisons(formula):
+    for comparison in stl.comparisons(formula):
         compared = tuple(signals(comparison.left)) + tuple(signals(comparison.right))
         if comparison not in reported and compared and all(map(places.is_constant, compared)):
             reported.add(comparison)
@@ -196,7 +177,7 @@ def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Finding
             use = "name links or objects that move relative to each other"
             yield ClaimFinding("fixed-base", (), f"{message}; {use}; {place(text, comparison.at)}")
     for constant in constants(formula, partial(possible_in_scene, scene)):
-        if reported.isdisjoint(everything(constant.part)):
+        if reported.isdisjoint(stl.everything(constant.part)):
             yield _always(text, constant)
 
 
@@ -242,7 +223,7 @@ def audit_distances(formula: Formula, run: JudgedRun) -> Findings:
     near = {"travel": (0.0, far), "speed": (0.0, run.top_speed)}
     near |= {axis: (begin - far, begin + far) for axis, begin in (("x", start.x), ("y", start.y))}
 
-    def possible(signal: Signal) -> Range:
+    def possible(signal: stl.Signal) -> Range:
         if signal.joint:
             return joint_range_in(run, signal.joint, signal.name)
         return near.get(signal.name, ANYTHING) if signal.source == "robot" else possible_in_scene(run.scene, signal)
@@ -280,7 +261,7 @@ def _possible_in(setting: Setting, end: float) -> Possible:
     """Return the possible values of signals in a scenario until `end` in s, as far as its file states them."""
     anywhere = _possible_anywhere(setting.physics)
 
-    def possible(signal: Signal) -> Range:
+    def possible(signal: stl.Signal) -> Range:
         low, high = anywhere(signal)
         return low, end if (signal.source, signal.name) == ("robot", "time") else high
 
@@ -296,10 +277,10 @@ def _always(text: str, constant: Constant) -> ClaimFinding:
 def _on_time_alone(formula: Formula) -> Iterator[Formula]:
     """Yield the outermost parts that wait for a time and for no other signal: the run goes on until it has come."""
     outermost = list[Formula]()
-    for part in everything(formula):
-        waits = isinstance(part, Eventually) or (isinstance(part, Not) and isinstance(part.formula, Always))
+    for part in stl.everything(formula):
+        waits = isinstance(part, stl.Eventually) or (isinstance(part, stl.Not) and isinstance(part.formula, stl.Always))
         on_time = {(signal.source, signal.name) for signal in signals_of(part)} == {("robot", "time")}
-        if waits and on_time and not any(part in everything(outer) for outer in outermost):
+        if waits and on_time and not any(part in stl.everything(outer) for outer in outermost):
             outermost.append(part)
     yield from outermost
 
@@ -309,7 +290,7 @@ def _of_clock(text: str, constant: Constant) -> ClaimFinding:
     return ClaimFinding("unreachable-limit", (), f"{message}; compare another signal; {place(text, constant.at)}")
 
 
-def _angle_unit(compared: Iterable[Signal]) -> str:
+def _angle_unit(compared: Iterable[stl.Signal]) -> str:
     """Return "rad" or "rad/s" if all signals are angles, or angular speeds, not of joints; else an empty text."""
     quantities = SENSOR_SIGNALS | {name: ReadingColumn(kind) for name, kind in BASE_SIGNALS.items()}
     kinds = {quantities[signal.name].dimension if signal.name in quantities else None for signal in compared}
@@ -325,7 +306,7 @@ class _Places:
         self._holders = rigid_bodies(scene.model)
         self._fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None and not body.path)}
 
-    def is_constant(self, signal: Signal) -> bool:
+    def is_constant(self, signal: stl.Signal) -> bool:
         """Return True if a signal has the same value at every step."""
         match signal.source:
             case "robot":
@@ -339,7 +320,7 @@ class _Places:
             case _:
                 return False
 
-    def _never_nears(self, signal: Signal) -> bool:
+    def _never_nears(self, signal: stl.Signal) -> bool:
         """Return True if neither the links nor the objects of a clearance or a force move."""
         *links, body = signal.names or (None,)
         model, bodies = self._scene.model, self._scene.world.names
@@ -352,7 +333,7 @@ class _Places:
         return self._holders.get(name, name)
 
 
-def possible_in_scene(scene: Scene, signal: Signal) -> Range:
+def possible_in_scene(scene: Scene, signal: stl.Signal) -> Range:
     """Return the possible values of a signal: of a joint, or of the places of links, and of the base."""
     if signal.joint:
         return joint_range(scene, signal.joint, signal.name)

@@ -6,19 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, cast
 
-from sim_action.assertions.temporal_logic.formula import (
-    Absolute,
-    Comparison,
-    Formula,
-    Negative,
-    Number,
-    Product,
-    Signal,
-    Sum,
-    Term,
-    comparisons,
-    signals_of,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import Formula, Term, comparisons, signals_of
 from sim_action.core import units
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
@@ -95,7 +84,7 @@ _POWERS: Final[dict[str, Powers]] = {
 _SYMBOLS: Final = {powers: symbol for symbol, powers in _POWERS.items()}
 
 
-def dimension(signal: Signal, model: RobotModel) -> Dimension:
+def dimension(signal: stl.Signal, model: RobotModel) -> Dimension:
     """Return the dimension of a signal; its joint must exist."""
     if signal.joint:
         return model.joints_by_name[signal.joint].dimension(cast("Reading", signal.name))
@@ -108,7 +97,7 @@ def dimension(signal: Signal, model: RobotModel) -> Dimension:
             return BASE_SIGNALS[signal.name]
 
 
-def problem_with(signal: Signal, model: RobotModel) -> str | None:
+def problem_with(signal: stl.Signal, model: RobotModel) -> str | None:
     """Return the problem with a signal whose joint does not exist or does not move, else None."""
     moving = [joint.name for joint in model.moving_joints]
     if not signal.joint or signal.joint in moving:
@@ -133,7 +122,7 @@ def dimension_problems(formula: Formula, model: RobotModel) -> Iterator[tuple[in
             yield comparison.at, str(unlike)
 
 
-def margin_unit(comparison: Comparison, model: RobotModel) -> str:
+def margin_unit(comparison: stl.Comparison, model: RobotModel) -> str:
     """Return the SI symbol of the margin of a comparison; empty if the unit has no symbol."""
     return _SYMBOLS.get(_alike((comparison.left, comparison.right), model) or _NONE, "")
 
@@ -153,15 +142,15 @@ def _alike(terms: tuple[Term, ...], model: RobotModel) -> Powers | None:
 
 def _powers(term: Term, model: RobotModel) -> Powers | None:
     match term:
-        case Number():
+        case stl.Number():
             return _POWERS[term.unit] if term.unit else None
-        case Signal():
+        case stl.Signal():
             return _POWERS.get(dimension(term, model).si, _NONE)
-        case Negative() | Absolute():
+        case stl.Negative() | stl.Absolute():
             return _powers(term.term, model)
-        case Sum():
+        case stl.Sum():
             return _alike(term.terms, model)
-        case Product():
+        case stl.Product():
             factor_powers = [powers for factor in term.factors if (powers := _powers(factor, model)) is not None]
             return _multiplied(factor_powers) if factor_powers else None
 
@@ -186,7 +175,7 @@ def channels_of(formula: Formula) -> Channels:
     return Channels.all_of(map(_channels, signals_of(formula)))
 
 
-def _channels(signal: Signal) -> Channels:
+def _channels(signal: stl.Signal) -> Channels:
     if signal.source == "sensor":
         return Channels(sensors=frozenset(signal.names[:1]))
     if signal.source == "frame" or signal.name == "distance":
@@ -198,7 +187,7 @@ def _channels(signal: Signal) -> Channels:
     return Channels()
 
 
-def watch_of(signal: Signal) -> ClearanceWatch:
+def watch_of(signal: stl.Signal) -> ClearanceWatch:
     """Return the distances that a clearance reads."""
     *links, body = signal.names or (None,)
     return ClearanceWatch(tuple(link for link in links if link) or None, None if body is None else (body,), always=True)
@@ -211,7 +200,7 @@ def name_problems(formula: Formula, scene: Scene) -> Iterator[tuple[int, str]]:
             yield signal.at, message
 
 
-def _name_problems(signal: Signal, scene: Scene) -> Iterator[str]:
+def _name_problems(signal: stl.Signal, scene: Scene) -> Iterator[str]:
     if signal.source == "frame" or signal.name == "distance":
         for name in signal.names:
             bodies = (*scene.world.names, *scene.frames)
@@ -226,7 +215,7 @@ def _name_problems(signal: Signal, scene: Scene) -> Iterator[str]:
         yield from _shape_problems(signal, scene, scene.world.names)
 
 
-def _shape_problems(signal: Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:
+def _shape_problems(signal: stl.Signal, scene: Scene, bodies: Sequence[str]) -> Iterator[str]:
     links = links_with_shapes(scene.model)
     *named, body = signal.names or (None,)
     if body is None and not bodies:

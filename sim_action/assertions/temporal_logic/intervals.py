@@ -13,30 +13,13 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from typing import Final
 
-from sim_action.assertions.temporal_logic.formula import (
-    Absolute,
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Interval,
-    Negative,
-    Number,
-    Product,
-    Signal,
-    Sum,
-    Term,
-    Until,
-    comparisons,
-    everything,
-    signed_parts,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, Term, signed_parts
 from sim_action.core.records import dataclass, field
 
 Range = tuple[float, float]  # the least and the greatest possible value of a term
 ANYTHING: Final[Range] = (-math.inf, math.inf)
-Possible = Callable[[Signal], Range]  # returns the possible values of a signal
+Possible = Callable[[stl.Signal], Range]  # returns the possible values of a signal
 _MAX_CASES: Final = 64
 _MAX_ROWS: Final = 400
 
@@ -51,13 +34,13 @@ class Constant:
     @property
     def at(self) -> int:
         """The index in the text at which its first comparison begins."""
-        return next(comparison.at for comparison in comparisons(self.part))
+        return next(comparison.at for comparison in stl.comparisons(self.part))
 
 
 def by_name(ranges: Mapping[str, Range]) -> Possible:
     """Return the possible values of a signal; `ranges`: name of a signal of the base -> possible values."""
 
-    def possible(signal: Signal) -> Range:
+    def possible(signal: stl.Signal) -> Range:
         if signal.joint:
             return ANYTHING
         low, high = ranges.get(signal.name, ANYTHING)
@@ -70,8 +53,8 @@ def by_name(ranges: Mapping[str, Range]) -> Possible:
 def constants(formula: Formula, possible: Possible) -> Iterator[Constant]:
     """Yield the innermost parts that are always true or always false."""
     reported = list[Constant]()
-    for part in reversed(list(everything(formula))):
-        if any(constant.part in everything(part) for constant in reported):
+    for part in reversed(list(stl.everything(formula))):
+        if any(constant.part in stl.everything(part) for constant in reported):
             continue
         if not can_be(part, possible, true=False):
             reported.append(Constant(part, True))
@@ -118,20 +101,22 @@ class _Case:
 def _cases(formula: Formula, is_true: bool) -> list[_Case]:
     """Return the cases in which a formula is true, or those in which it is false unless `is_true`."""
     match formula:
-        case Comparison():
+        case stl.Comparison():
             smaller, greater = formula.left, formula.right
             if (formula.relation in (">", ">=")) == is_true:
                 smaller, greater = greater, smaller
             return _signs(_added(_linear(greater), _linear(smaller), -1.0))
-        case Always() | Eventually():
+        case stl.Always() | stl.Eventually():
             inner = _cases(formula.formula, is_true)
-            return [_Case(later=(_Later(isinstance(formula, Always) == is_true, formula.interval, inner),))]
-        case Until():
+            return [_Case(later=(_Later(isinstance(formula, stl.Always) == is_true, formula.interval, inner),))]
+        case stl.Until():
             inner = _cases(formula.then, True)
             return [_Case(later=(_Later(False, formula.interval, inner),) if is_true else ())]
         case _:
             parts = [_cases(part, not flip) for part, flip in signed_parts(formula, not is_true)]
-            return _all_of(parts) if isinstance(formula, And) == is_true else [case for part in parts for case in part]
+            return (
+                _all_of(parts) if isinstance(formula, stl.And) == is_true else [case for part in parts for case in part]
+            )
 
 
 def _all_of(parts: list[list[_Case]]) -> list[_Case]:
@@ -160,16 +145,16 @@ def _is_possible(case: _Case, possible: Possible, *, strict: bool) -> bool:
 
 def _linear(term: Term) -> Row:
     match term:
-        case Number():
+        case stl.Number():
             return {None: term.value}
-        case Negative():
+        case stl.Negative():
             return _added({}, _linear(term.term), -1.0)
-        case Sum():
+        case stl.Sum():
             total: Row = {}
             for part in term.terms:
                 total = _added(total, _linear(part), 1.0)
             return total
-        case Product():
+        case stl.Product():
             factor = 1.0
             others = list[Row]()
             for row in map(_linear, term.factors):
@@ -190,10 +175,10 @@ def _added(row: Row, other: Row, factor: float) -> Row:
 
 def _signs(row: Row) -> list[_Case]:
     """Return the cases of an inequality: a value less an absolute value is less for both signs, plus one for either."""
-    inner = next((term for term, factor in row.items() if isinstance(term, Absolute) and factor), None)
+    inner = next((term for term, factor in row.items() if isinstance(term, stl.Absolute) and factor), None)
     if inner is None:
         return [_Case((row,))]
-    assert isinstance(inner, Absolute)
+    assert isinstance(inner, stl.Absolute)
     rest, factor = {term: value for term, value in row.items() if term != inner}, row[inner]
     both = [_signs(_added(rest, _linear(inner.term), sign * factor)) for sign in (1.0, -1.0)]
     return _all_of(both) if factor < 0 else [case for cases in both for case in cases]
@@ -221,11 +206,11 @@ def _has_solution(rows: tuple[Row, ...], possible: Possible, *, strict: bool) ->
 def _range(term: Term, possible: Possible) -> Range:
     """Return the possible values of a signal or of a product of signals, of which only the sign is known."""
     match term:
-        case Signal():
+        case stl.Signal():
             return possible(term)
-        case Absolute():
+        case stl.Absolute():
             return 0.0, math.inf
-        case Product():
+        case stl.Product():
             odd = (factor for factor, power in Counter(term.factors).items() if power % 2)
             return (0.0 if all(_range(factor, possible)[0] >= 0 for factor in odd) else -math.inf), math.inf
         case _:

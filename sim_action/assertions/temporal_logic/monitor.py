@@ -11,26 +11,9 @@ import numpy as np
 from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, Monitor, State
+from sim_action.assertions.temporal_logic import formula as stl
 from sim_action.assertions.temporal_logic.combination import Junction
-from sim_action.assertions.temporal_logic.formula import (
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Not,
-    Or,
-    Sum,
-    Until,
-    finite_horizon,
-    horizon,
-    parts,
-    signals,
-    signals_of,
-    signed_parts,
-)
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, parts, signals, signed_parts
 from sim_action.assertions.temporal_logic.formula_claims import premises
 from sim_action.assertions.temporal_logic.robustness import (
     Cause,
@@ -61,7 +44,7 @@ TIME_ROUNDING_S: Final = 1e-9
 
 def lookahead(*formulas: Formula) -> float:
     """Return the lookahead of formulas in s; infinite if they are judged at the end of the run."""
-    reach = max(map(horizon, formulas))
+    reach = max(map(stl.horizon, formulas))
     return reach if reach <= _MAX_LOOKAHEAD_S else math.inf
 
 
@@ -202,13 +185,13 @@ class Extreme(Operator):
     @classmethod
     def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:
         """Return the fold before the first step."""
-        ahead = interval.bound + finite_horizon(formula)
+        ahead = interval.bound + stl.finite_horizon(formula)
         return cls(formula, interval, ahead, lookahead(formula), greatest=greatest, strong=greatest)
 
     @classmethod
     def at_once(cls, formula: Formula) -> Self:
         """Return the fold of a formula that is judged at the first step."""
-        return cls(formula, _AT_ONCE, finite_horizon(formula), lookahead(formula))
+        return cls(formula, _AT_ONCE, stl.finite_horizon(formula), lookahead(formula))
 
     @property
     def state(self) -> State:
@@ -254,15 +237,15 @@ class Extreme(Operator):
 class UntilFold(Operator):
     """An `until`: the condition that must hold before, and the best step of the other condition."""
 
-    formula: Until
+    formula: stl.Until
     contrary: bool = False  # True for the negation, an invariant that breaks when the `until` comes true
     held: BestMoment | None = None  # the least robustness of `before` over all steps whose future is known
 
     @classmethod
-    def of(cls, formula: Until, *, contrary: bool) -> Self:
+    def of(cls, formula: stl.Until, *, contrary: bool) -> Self:
         """Return the fold before the first step."""
         reach = lookahead(formula.before, formula.then)
-        return cls(formula, formula.interval, finite_horizon(formula), reach, contrary=contrary)
+        return cls(formula, formula.interval, stl.finite_horizon(formula), reach, contrary=contrary)
 
     @property
     @override
@@ -342,7 +325,7 @@ class StlMonitor(Monitor):
     formula: Formula
     part: Part
     reader: SignalReader  # the reader of the signals, after the steps so far
-    units: Mapping[Comparison, str]  # the SI symbol of the margin of each comparison
+    units: Mapping[stl.Comparison, str]  # the SI symbol of the margin of each comparison
     # each premise of an implication as text, and the search for a moment at which it holds
     premises: tuple[tuple[str, Extreme], ...] = ()
     # first, last: the sim times in s of the first and the last step; None before the first one
@@ -350,13 +333,15 @@ class StlMonitor(Monitor):
     last: float | None = None
 
     @classmethod
-    def of(cls, formula: Formula, comparison_units: Mapping[Comparison, str], scene: Scene, start: Observation) -> Self:
+    def of(
+        cls, formula: Formula, comparison_units: Mapping[stl.Comparison, str], scene: Scene, start: Observation
+    ) -> Self:
         """Return the monitor before the first step; `start` is the state at t = 0."""
         extremes = tuple(
             (premise.text, Extreme.of(premise.formula, premise.interval, greatest=True))
             for premise in premises(formula)
         )
-        reader = SignalReader.of(signals_of(formula), scene, start)
+        reader = SignalReader.of(stl.signals_of(formula), scene, start)
         return cls(formula, open_formula(formula), reader, comparison_units, extremes)
 
     def begin(self, trace: Trace) -> Self:
@@ -423,7 +408,7 @@ class StlMonitor(Monitor):
 def _about_evidence(formula: Formula, first: float, last: float, judged: Judged) -> str:
     """Return the message of a formula that no comparison decides, after steps from `first` to `last` in s."""
     ended = f"the run ended at {last:.4g} s"
-    ahead = f"the formula looks {finite_horizon(formula):g} s ahead"
+    ahead = f"the formula looks {stl.finite_horizon(formula):g} s ahead"
     if judged.moments:
         return f"the interval of the last steps never began: {ended}, and {ahead}; give the outer interval an end"
     for interval, at in _starts(formula, first):
@@ -435,7 +420,7 @@ def _about_evidence(formula: Formula, first: float, last: float, judged: Judged)
 
 def _starts(formula: Formula, at: float) -> Iterator[tuple[Interval, float]]:
     """Yield the intervals of a formula that is judged at a sim time in s, each with its earliest start."""
-    if isinstance(formula, Always | Eventually | Until):
+    if isinstance(formula, stl.Always | stl.Eventually | stl.Until):
         at += formula.interval.start
         yield formula.interval, at
     for part in parts(formula):
@@ -445,18 +430,18 @@ def _starts(formula: Formula, at: float) -> Iterator[tuple[Interval, float]]:
 def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
     """Return the fold of a formula, or of its negation, before the first step."""
     match formula:
-        case Not():
+        case stl.Not():
             return open_formula(formula.formula, contrary=not contrary)
-        case And() | Or() | Implies():
+        case stl.And() | stl.Or() | stl.Implies():
             parts = tuple(open_formula(part, contrary=flip) for part, flip in signed_parts(formula, contrary))
-            return BooleanPart(parts, every=isinstance(formula, And) != contrary)
-        case Always() | Eventually():
-            inner = Not(formula.formula) if contrary else formula.formula
-            return Extreme.of(inner, formula.interval, greatest=isinstance(formula, Eventually) != contrary)
-        case Until() if math.isfinite(lookahead(formula.before, formula.then)):
+            return BooleanPart(parts, every=isinstance(formula, stl.And) != contrary)
+        case stl.Always() | stl.Eventually():
+            inner = stl.Not(formula.formula) if contrary else formula.formula
+            return Extreme.of(inner, formula.interval, greatest=isinstance(formula, stl.Eventually) != contrary)
+        case stl.Until() if math.isfinite(lookahead(formula.before, formula.then)):
             return UntilFold.of(formula, contrary=contrary)
         case _:
-            return Extreme.at_once(Not(formula) if contrary else formula)
+            return Extreme.at_once(stl.Not(formula) if contrary else formula)
 
 
 @dataclass(frozen=True)
@@ -497,15 +482,15 @@ def _decision(decisive: Cause, unit: str) -> tuple[float, float, str]:
     return decisive.left, decisive.right, message
 
 
-def signed_comparisons(formula: Formula, *, contrary: bool = False) -> Iterator[tuple[Comparison, bool]]:
+def signed_comparisons(formula: Formula, *, contrary: bool = False) -> Iterator[tuple[stl.Comparison, bool]]:
     """Yield all comparisons of a formula from the left, with True for those whose negation makes it true."""
-    if isinstance(formula, Comparison):
+    if isinstance(formula, stl.Comparison):
         yield formula, contrary
     for part, flip in signed_parts(formula, contrary):
         yield from signed_comparisons(part, contrary=flip)
 
 
-def compared(formula: Formula, samples: Samples, units: Mapping[Comparison, str]) -> Iterator[Curve]:
+def compared(formula: Formula, samples: Samples, units: Mapping[stl.Comparison, str]) -> Iterator[Curve]:
     """Yield one curve for each comparison: its measured value with its limit."""
     for comparison, contrary in dict.fromkeys(signed_comparisons(formula)):
         left, right = (values(term, samples) for term in (comparison.left, comparison.right))
@@ -518,8 +503,8 @@ def compared(formula: Formula, samples: Samples, units: Mapping[Comparison, str]
         yield Curve(name, units[comparison], samples.time, left, lower, upper)
 
 
-def _inside(comparison: Comparison) -> str:
-    return f"({comparison.right})" if isinstance(comparison.right, Sum) else str(comparison.right)
+def _inside(comparison: stl.Comparison) -> str:
+    return f"({comparison.right})" if isinstance(comparison.right, stl.Sum) else str(comparison.right)
 
 
 def robustness_so_far(part: Part, samples: Samples, unit: str) -> Curve:

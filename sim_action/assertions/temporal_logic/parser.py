@@ -15,29 +15,9 @@ from types import MappingProxyType
 from typing import Final, Literal, NoReturn, cast, get_args
 
 from sim_action.assertions.sensor import why_not_picked
+from sim_action.assertions.temporal_logic import formula as stl
 from sim_action.assertions.temporal_logic import quoted
-from sim_action.assertions.temporal_logic.formula import (
-    ALL_TIME,
-    Absolute,
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Product,
-    Relation,
-    Signal,
-    Sum,
-    Term,
-    Until,
-    signals,
-)
+from sim_action.assertions.temporal_logic.formula import ALL_TIME, Formula, Interval, Relation, Term, signals
 from sim_action.assertions.temporal_logic.formula_signals import (
     BASE_SIGNALS,
     FRAME_SIGNALS,
@@ -339,27 +319,27 @@ class _Parser:
         operator = self._advance()
         if strength == _IMPLIES:
             premise = self._joined(left, first, operator)
-            return Implies(premise, self._joined_next(_IMPLIES, operator))
+            return stl.Implies(premise, self._joined_next(_IMPLIES, operator))
         items = [self._joined(left, first, operator)]
         while True:
             items.append(self._joined_next(strength + 1, operator))
             if self._accept(operator.text) is None:
-                return And(tuple(items)) if strength == _AND else Or(tuple(items))
+                return stl.And(tuple(items)) if strength == _AND else stl.Or(tuple(items))
 
     def _joined_next(self, least: int, operator: Token) -> Formula:
         start = self._next
         return self._joined(self._expression(least), start, operator)
 
     def _joined(self, parsed: Formula | Term, first: Token, operator: Token) -> Formula:
-        if isinstance(parsed, Until) and parsed is self._open:
+        if isinstance(parsed, stl.Until) and parsed is self._open:
             self._ambiguous(operator)
         return self._as_formula(parsed, first)
 
     def _ambiguous(self, operator: Token) -> NoReturn:
         text = operator.text
-        if isinstance(self._open, Until):
+        if isinstance(self._open, stl.Until):
             self._refuse(operator, f"put parentheses around 'until' next to '{text}': (... until ...) {text} ...")
-        word = "always" if isinstance(self._open, Always) else "eventually"
+        word = "always" if isinstance(self._open, stl.Always) else "eventually"
         self._refuse(
             operator, f"ambiguous without parentheses: write {word} (... {text} ...) or ({word} ...) {text} ..."
         )
@@ -367,31 +347,31 @@ class _Parser:
     def _until(self, before: Formula) -> Formula:
         self._advance()
         interval = self._interval()
-        self._open = Until(before, self._formula(_COMPARE), interval)
+        self._open = stl.Until(before, self._formula(_COMPARE), interval)
         return self._open
 
-    def _comparison(self, left: Formula | Term, first: Token) -> Comparison:
+    def _comparison(self, left: Formula | Term, first: Token) -> stl.Comparison:
         operator = self._advance()
         right = self._term(_ADD)
-        comparison = Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
+        comparison = stl.Comparison(self._as_term(left, first), cast("Relation", operator.text), right, first.at)
         if self._next.text in get_args(Relation):
             self._refuse(self._next, "comparisons cannot be chained; join two with 'and'")
         if not any(signal for term in (comparison.left, comparison.right) for signal in signals(term)):
             self._refuse(first, f"'{comparison}' is not a signal (allowed: {', '.join(NAMES)})")
         return comparison
 
-    def _sum(self, left: Formula | Term, first: Token) -> Sum:
+    def _sum(self, left: Formula | Term, first: Token) -> stl.Sum:
         terms = [self._as_term(left, first)]
         while (operator := self._accept("+", "-")) is not None:
             term = self._term(_MULTIPLY)
-            terms.append(term if operator.text == "+" else Negative(term, operator.at))
-        return Sum(tuple(terms), first.at)
+            terms.append(term if operator.text == "+" else stl.Negative(term, operator.at))
+        return stl.Sum(tuple(terms), first.at)
 
-    def _product(self, left: Formula | Term, first: Token) -> Product:
+    def _product(self, left: Formula | Term, first: Token) -> stl.Product:
         factors = [self._as_term(left, first)]
         while self._accept("*") is not None:
             factors.append(self._term(_MULTIPLY + 1))
-        return Product(tuple(factors), first.at)
+        return stl.Product(tuple(factors), first.at)
 
     def _operand(self) -> Formula | Term:
         token = self._advance()
@@ -401,7 +381,7 @@ class _Parser:
             case "(":
                 return self._parenthesis()
             case "-":
-                return Negative(self._term(_MULTIPLY + 1), token.at)
+                return stl.Negative(self._term(_MULTIPLY + 1), token.at)
             case "abs":
                 return self._absolute(token)
             case "not" | "always" | "eventually":
@@ -417,11 +397,11 @@ class _Parser:
         self._open = None
         return parsed
 
-    def _absolute(self, token: Token) -> Absolute:
+    def _absolute(self, token: Token) -> stl.Absolute:
         self._expect("(", "after 'abs'")
         term = self._term(_ADD)
         self._expect(")", "to close the parenthesis")
-        return Absolute(term, token.at)
+        return stl.Absolute(term, token.at)
 
     def _prefixed(self, token: Token) -> Formula:
         interval = ALL_TIME if token.text == "not" else self._interval()
@@ -431,9 +411,9 @@ class _Parser:
         closed = self._ends.get(begin) == self._position
         inherits = start.text in ("not", "always", "eventually")
         reaches_on = formula is self._open if inherits else not closed and token.text != "not"
-        prefixed: Formula = Not(formula)
+        prefixed: Formula = stl.Not(formula)
         if token.text != "not":
-            prefixed = Always(formula, interval) if token.text == "always" else Eventually(formula, interval)
+            prefixed = stl.Always(formula, interval) if token.text == "always" else stl.Eventually(formula, interval)
         self._open = prefixed if reaches_on else None
         return prefixed
 
@@ -456,9 +436,9 @@ class _Parser:
             self._refuse(token, f"expected a relative time such as 2 s, found {token}{hint}")
         return token.value
 
-    def _number_or_signal(self, token: Token) -> Number | Signal:
+    def _number_or_signal(self, token: Token) -> stl.Number | stl.Signal:
         if token.kind == "number":
-            return Number(token.value, token.unit, token.at, " ".join(token.text.split()))
+            return stl.Number(token.value, token.unit, token.at, " ".join(token.text.split()))
         if token.path:
             return self._dotted(token)
         if token.text in PAIR_SIGNALS:
@@ -466,7 +446,7 @@ class _Parser:
             counts = {form.count(",") + 1 if "(" in form else 0 for form in forms}
             if len(token.names) not in counts or not all(token.names):
                 self._refuse(token, f"expected {' or '.join(forms)}, found {len(token.names) or 'no'} names")
-            return Signal(token.text, at=token.at, source="pair", names=token.names)
+            return stl.Signal(token.text, at=token.at, source="pair", names=token.names)
         if token.text in READINGS and not token.joint:
             self._refuse(token, f"name the joint: {token.text}(NAME)")
         if token.text not in READINGS and token.text not in BASE_SIGNALS:
@@ -474,20 +454,20 @@ class _Parser:
                 self._refuse(token, f"unknown word '{token.text}'; did you mean '{meant}'?")
             hint = self._odd_name(token) or did_you_mean(token.text, NAMES)
             self._refuse(token, f"unknown signal '{token.text}'{hint}")
-        return Signal(token.text, token.joint, token.at)
+        return stl.Signal(token.text, token.joint, token.at)
 
-    def _dotted(self, token: Token) -> Signal:
+    def _dotted(self, token: Token) -> stl.Signal:
         """Return the signal of a link, an object or a sensor."""
         (owner,), (name, *rest) = token.names, token.path
         if name in FRAME_SIGNALS and not rest:
-            return Signal(name, at=token.at, source="frame", names=token.names)
+            return stl.Signal(name, at=token.at, source="frame", names=token.names)
         if name not in SENSOR_SIGNALS:
             hint = self._odd_name(token) if rest else _signals_like(name)
             self._refuse(token, f"unknown signal '{'.'.join(token.path)}' of '{owner}'{hint}")
         which = ".".join(rest) or None
         if (trouble := why_not_picked(SENSOR_SIGNALS[name], which)) is not None:
             self._refuse(token, trouble.replace("'which': ", f"{quoted(owner)}.{name}.WHICH: "))
-        return Signal(name, at=token.at, source="sensor", names=(owner, *rest))
+        return stl.Signal(name, at=token.at, source="sensor", names=(owner, *rest))
 
     def _odd_name(self, token: Token) -> str:
         match = _ODD_NAME.match(self._text, token.at)

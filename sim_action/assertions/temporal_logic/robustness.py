@@ -17,27 +17,8 @@ from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.contacts import MeanForce
 from sim_action.assertions.sensor import picked
-from sim_action.assertions.temporal_logic.formula import (
-    Absolute,
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Product,
-    Signal,
-    Sum,
-    Term,
-    Until,
-    horizon,
-    signed_parts,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, Term, horizon, signed_parts
 from sim_action.assertions.temporal_logic.formula_signals import watch_of
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, field, replace
@@ -56,7 +37,7 @@ _UNREACHED: Final = 1e9  # the value of an infinite reading, such as the range o
 class Samples:
     """The values of signals at T steps, in SI units."""
 
-    signals: tuple[Signal, ...]  # the S signals, each once
+    signals: tuple[stl.Signal, ...]  # the S signals, each once
     rows: FloatArray  # (T, 1 + S), time and the signals
 
     def __len__(self) -> int:
@@ -73,7 +54,7 @@ class Samples:
         """Sim time, (T,) s, increasing."""
         return self.rows[:, 0]
 
-    def of_signal(self, signal: Signal) -> FloatArray:
+    def of_signal(self, signal: stl.Signal) -> FloatArray:
         """Return (T,) the values of one signal."""
         return self.rows[:, 1 + self.signals.index(signal)]
 
@@ -94,15 +75,15 @@ class Samples:
 class SignalReader:
     """Reads the signals of a formula."""
 
-    signals: tuple[Signal, ...]
+    signals: tuple[stl.Signal, ...]
     model: RobotModel
     start_xy: tuple[float, float]
     motion: BaseMotion
-    forces: Mapping[Signal, MeanForce] = field(default_factory=dict)
-    readings: Mapping[Signal, float] = field(default_factory=dict)
+    forces: Mapping[stl.Signal, MeanForce] = field(default_factory=dict)
+    readings: Mapping[stl.Signal, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, signals: tuple[Signal, ...], scene: Scene, start: Observation) -> Self:
+    def of(cls, signals: tuple[stl.Signal, ...], scene: Scene, start: Observation) -> Self:
         """Return the reader before the first step; `start` is the state at t = 0."""
         x, y, _ = start.pose.position_xyz
         forces = {
@@ -133,13 +114,13 @@ class SignalReader:
         complete = ~np.isnan(rows).any(axis=1)
         return Samples(self.signals, np.clip(rows if complete.all() else rows[complete], -_UNREACHED, _UNREACHED))
 
-    def _last_readings(self, trace: Trace) -> Iterator[tuple[Signal, float]]:
+    def _last_readings(self, trace: Trace) -> Iterator[tuple[stl.Signal, float]]:
         for signal in self.signals:
             record = trace.sensors.get(signal.names[0]) if signal.source == "sensor" else None
             if record is not None and len(record):
                 yield signal, float(picked(record.columns[signal.name][-1:], _which(signal))[0])
 
-    def _column(self, trace: Trace, signal: Signal) -> FloatArray:
+    def _column(self, trace: Trace, signal: stl.Signal) -> FloatArray:
         match signal.source:
             case "frame":
                 return self._frame_column(trace, signal)
@@ -150,7 +131,7 @@ class SignalReader:
             case _:
                 return self._robot_column(trace, signal)
 
-    def _robot_column(self, trace: Trace, signal: Signal) -> FloatArray:
+    def _robot_column(self, trace: Trace, signal: stl.Signal) -> FloatArray:
         if signal.joint:
             columns: FloatArray = getattr(trace, f"joint_{signal.name}")
             return columns[:, trace.joint_names.index(signal.joint)]
@@ -166,7 +147,7 @@ class SignalReader:
             case _:
                 return _angle(trace.base_orientation_xyzw, signal.name)
 
-    def _frame_column(self, trace: Trace, signal: Signal) -> FloatArray:
+    def _frame_column(self, trace: Trace, signal: stl.Signal) -> FloatArray:
         frame = self._frame(trace, signal.names[0])
         match signal.name:
             case "x" | "y" | "z":
@@ -180,7 +161,7 @@ class SignalReader:
     def _frame(self, trace: Trace, name: str) -> LinkMotion | BodyRecord:
         return link_motion(self.model, trace, name) if name in self.model.links_by_name else trace.objects[name]
 
-    def _pair_column(self, trace: Trace, signal: Signal) -> FloatArray:
+    def _pair_column(self, trace: Trace, signal: stl.Signal) -> FloatArray:
         if signal.name == "distance":
             first, second = (self._frame(trace, name).position_xyz for name in signal.names)
             return _norm(first - second)
@@ -194,7 +175,7 @@ class SignalReader:
         is_there = np.abs(record.time[at] - trace.time) <= TIME_EPSILON_S
         return np.where(is_there, record.distance[at], np.nan)
 
-    def _sensor_column(self, trace: Trace, signal: Signal) -> FloatArray:
+    def _sensor_column(self, trace: Trace, signal: stl.Signal) -> FloatArray:
         """Return (T,) the last reading before each step; the reading at t = 0 also counts at t = 0."""
         before = self.readings.get(signal, np.nan)
         record = trace.sensors.get(signal.names[0])
@@ -209,12 +190,12 @@ def _held(time: FloatArray, values: FloatArray, moments: FloatArray, before: flo
     return np.concatenate(([before], values))[at]
 
 
-def _meant(signal: Signal, contacts: Iterable[Contact]) -> list[Contact]:
+def _meant(signal: stl.Signal, contacts: Iterable[Contact]) -> list[Contact]:
     *link, body = signal.names
     return [contact for contact in contacts if contact.body == body and (not link or contact.link == link[0])]
 
 
-def _which(signal: Signal) -> str | None:
+def _which(signal: stl.Signal) -> str | None:
     return signal.names[1] if len(signal.names) > 1 else None
 
 
@@ -247,18 +228,18 @@ def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, st
     inner formulas of an operator that needs every step up to the end of the run are not.
     """
     match formula:
-        case Comparison(left, relation, right):
+        case stl.Comparison(left, relation, right):
             difference = values(left, samples) - values(right, samples)
             return -difference if (relation in ("<", "<=")) != contrary else difference
-        case Not():
+        case stl.Not():
             return robustness(formula.formula, samples, contrary=not contrary, strong=strong)
-        case And() | Or() | Implies():
+        case stl.And() | stl.Or() | stl.Implies():
             signed = signed_parts(formula, contrary)
             parts = (robustness(part, samples, contrary=flip, strong=strong) for part, flip in signed)
-            return reduce(np.minimum if isinstance(formula, And) != contrary else np.maximum, parts)
-        case Always() | Eventually():
+            return reduce(np.minimum if isinstance(formula, stl.And) != contrary else np.maximum, parts)
+        case stl.Always() | stl.Eventually():
             first, last = windows = _windows(formula.interval, samples)
-            if isinstance(formula, Eventually) != contrary:
+            if isinstance(formula, stl.Eventually) != contrary:
                 return greatest_of_windows(
                     robustness(formula.formula, samples, contrary=contrary, strong=True), *windows
                 )
@@ -267,7 +248,7 @@ def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, st
             )
             least = least_of_windows(inner, first, last)
             return np.where(_unseen(formula.interval, samples), -np.inf, _with_evidence(least)) if strong else least
-        case Until():
+        case stl.Until():
             before, then = until_operands(formula, samples, contrary=contrary, strong=strong)
             if not contrary:
                 return _until(before, then, formula.interval, samples)
@@ -276,7 +257,7 @@ def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, st
 
 
 def until_operands(
-    formula: Until, samples: Samples, *, contrary: bool = False, strong: bool = False
+    formula: stl.Until, samples: Samples, *, contrary: bool = False, strong: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return (T,) margins of both formulas of an `until`, or of their negations (`contrary`)."""
     before = robustness(formula.before, samples, contrary=contrary, strong=True)
@@ -293,7 +274,7 @@ def _with_evidence(margins: FloatArray) -> FloatArray:
     return np.where(margins == NOTHING_LEAST, -np.inf, margins)
 
 
-def _escape(formula: Until, samples: Samples, contrary_before: FloatArray) -> FloatArray:
+def _escape(formula: stl.Until, samples: Samples, contrary_before: FloatArray) -> FloatArray:
     failed = np.maximum.accumulate(contrary_before[::-1])[::-1]
     return np.where(_unseen(formula.interval, samples), failed, np.inf)
 
@@ -301,17 +282,17 @@ def _escape(formula: Until, samples: Samples, contrary_before: FloatArray) -> Fl
 def values(term: Term, samples: Samples) -> FloatArray:
     """Return (T,) the value of a term at each step, in SI units."""
     match term:
-        case Number():
+        case stl.Number():
             return np.full(len(samples), term.value)
-        case Signal():
+        case stl.Signal():
             return samples.of_signal(term)
-        case Negative():
+        case stl.Negative():
             return -values(term.term, samples)
-        case Absolute():
+        case stl.Absolute():
             return np.abs(values(term.term, samples))
-        case Sum():
+        case stl.Sum():
             return reduce(np.add, (values(part, samples) for part in term.terms))
-        case Product():
+        case stl.Product():
             return reduce(np.multiply, (values(factor, samples) for factor in term.factors))
 
 
@@ -339,7 +320,7 @@ def _until(before: FloatArray, then: FloatArray, interval: Interval, samples: Sa
 class Cause:
     """The comparison and the step whose difference equals the robustness of a whole formula."""
 
-    comparison: Comparison
+    comparison: stl.Comparison
     time: float  # sim time in s
     left: float  # left, right: both sides in SI units
     right: float
@@ -352,20 +333,20 @@ def cause(
     """Return the comparison that decides a formula; None if its window is empty or cut off; see `robustness`."""
     ahead = samples.between(index, seen_from(formula, samples, index))
     match formula:
-        case Comparison():
+        case stl.Comparison():
             return _compared(formula, ahead, contrary=contrary)
-        case Not():
+        case stl.Not():
             return cause(formula.formula, ahead, contrary=not contrary, strong=strong)
-        case And() | Or() | Implies():
-            decisive = min if isinstance(formula, And) != contrary else max
+        case stl.And() | stl.Or() | stl.Implies():
+            decisive = min if isinstance(formula, stl.And) != contrary else max
             part, flip = decisive(
                 signed_parts(formula, contrary),
                 key=lambda one: float(robustness(one[0], ahead, contrary=one[1], strong=strong)[0]),
             )
             return cause(part, ahead, contrary=flip, strong=strong)
-        case Always() | Eventually():
+        case stl.Always() | stl.Eventually():
             return _cause_in_window(formula, ahead, contrary=contrary, strong=strong)
-        case Until():
+        case stl.Until():
             return _cause_of_until(formula, ahead, contrary=contrary, strong=strong)
 
 
@@ -376,16 +357,18 @@ def seen_from(formula: Formula, samples: Samples, index: int) -> int:
     return min(len(samples), int(samples.at_or_after(float(samples.time[index]) + reach)) + 1)
 
 
-def _compared(comparison: Comparison, samples: Samples, *, contrary: bool) -> Cause:
+def _compared(comparison: stl.Comparison, samples: Samples, *, contrary: bool) -> Cause:
     now = samples.between(0, 1)
     left, right = (float(values(term, now)[0]) for term in (comparison.left, comparison.right))
     margin = float(robustness(comparison, now, contrary=contrary)[0])
     return Cause(comparison, float(now.time[0]), left, right, margin)
 
 
-def _cause_in_window(formula: Always | Eventually, samples: Samples, *, contrary: bool, strong: bool) -> Cause | None:
+def _cause_in_window(
+    formula: stl.Always | stl.Eventually, samples: Samples, *, contrary: bool, strong: bool
+) -> Cause | None:
     first, last = (int(ends[0]) for ends in _windows(formula.interval, samples))
-    greatest = isinstance(formula, Eventually) != contrary
+    greatest = isinstance(formula, stl.Eventually) != contrary
     if first == last or (strong and not greatest and _unseen(formula.interval, samples)[0]):
         return None
     strong = greatest or (strong and formula.interval.is_finite)
@@ -394,7 +377,7 @@ def _cause_in_window(formula: Always | Eventually, samples: Samples, *, contrary
     return cause(formula.formula, samples, first + index, contrary=contrary, strong=strong)
 
 
-def _cause_of_until(formula: Until, samples: Samples, *, contrary: bool, strong: bool) -> Cause | None:
+def _cause_of_until(formula: stl.Until, samples: Samples, *, contrary: bool, strong: bool) -> Cause | None:
     first, last = (int(ends[0]) for ends in _windows(formula.interval, samples))
     operands = until_operands(formula, samples, contrary=contrary, strong=strong)
     before, then = (-margins for margins in operands) if contrary else operands

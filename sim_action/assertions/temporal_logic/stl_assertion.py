@@ -12,18 +12,9 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, Reference, shortened_title
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.temporal_logic import formula as stl
 from sim_action.assertions.temporal_logic import formula_claims
-from sim_action.assertions.temporal_logic.formula import (
-    Always,
-    Eventually,
-    Formula,
-    Interval,
-    Until,
-    comparisons,
-    everything,
-    finite_horizon,
-    horizon,
-)
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, comparisons
 from sim_action.assertions.temporal_logic.formula_signals import (
     channels_of,
     dimension_problems,
@@ -107,7 +98,7 @@ class Stl(Assertion):
     @override
     def awaited(self) -> Formula:
         whole = self.parsed
-        return whole.formula if isinstance(whole, Eventually) and whole.interval.end == math.inf else whole
+        return whole.formula if isinstance(whole, stl.Eventually) and whole.interval.end == math.inf else whole
 
     @override
     def waiting(self, span: float = 0.0, *, negated: bool = False) -> Assertion:
@@ -117,7 +108,7 @@ class Stl(Assertion):
     @property
     @override
     def moment_problem(self) -> str:
-        if horizon(self.awaited) <= _MAX_LOOKAHEAD_S:
+        if stl.horizon(self.awaited) <= _MAX_LOOKAHEAD_S:
             return ""
         most = f"a formula that looks ahead by more than {_MAX_LOOKAHEAD_S:g} s is decided at the end of the run only"
         return f"{most}; give its operators an interval, such as always[0 s, 2 s] (...)"
@@ -125,7 +116,7 @@ class Stl(Assertion):
     @property
     @override
     def horizon(self) -> float:
-        return finite_horizon(self.parsed)
+        return stl.finite_horizon(self.parsed)
 
     @property
     @override
@@ -188,8 +179,8 @@ class Stl(Assertion):
 
 
 def _empty(formula: Formula, rate: float) -> Iterator[tuple[int, str]]:
-    for part in everything(formula):
-        if isinstance(part, Always | Eventually | Until) and _has_no_step(part.interval, rate):
+    for part in stl.everything(formula):
+        if isinstance(part, stl.Always | stl.Eventually | stl.Until) and _has_no_step(part.interval, rate):
             yield part.interval.at, f"no physics step (1 / {rate:g} s) is in the interval {part.interval}"
 
 

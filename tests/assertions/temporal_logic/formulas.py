@@ -7,58 +7,41 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
-from sim_action.assertions.temporal_logic.formula import (
-    ALL_TIME,
-    Absolute,
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Product,
-    Signal,
-    Sum,
-    Term,
-    Until,
-    horizon,
-    signals,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import ALL_TIME, Formula, Interval, Term, horizon, signals
 from sim_action.assertions.temporal_logic.robustness import Samples
 
-X, Y = Signal("x"), Signal("y")
+X, Y = stl.Signal("x"), stl.Signal("y")
 SIGNALS = (
     X,
     Y,
-    Signal("position", "arm/elbow-1"),
-    Signal("effort", "it's (one)"),
-    Signal("z", source="frame", names=("tool0",)),
-    Signal("tilt", source="frame", names=('left/it\'s a "link"',)),
-    Signal("ranges", source="sensor", names=("scan 2", "min")),
-    Signal("distance", source="pair", names=("tool0", "box, red")),
-    Signal("clearance", source="pair"),
-    Signal("force", source="pair", names=("box",)),
+    stl.Signal("position", "arm/elbow-1"),
+    stl.Signal("effort", "it's (one)"),
+    stl.Signal("z", source="frame", names=("tool0",)),
+    stl.Signal("tilt", source="frame", names=('left/it\'s a "link"',)),
+    stl.Signal("ranges", source="sensor", names=("scan 2", "min")),
+    stl.Signal("distance", source="pair", names=("tool0", "box, red")),
+    stl.Signal("clearance", source="pair"),
+    stl.Signal("force", source="pair", names=("box",)),
 )
 UNITS = ("", "m", "m/s", "rad", "N m", "s")
 
 # Without a sign: that is Negative.
-numbers = st.builds(Number, st.floats(0, 1e6).map(lambda value: value + 0.0), st.sampled_from(UNITS))
+numbers = st.builds(stl.Number, st.floats(0, 1e6).map(lambda value: value + 0.0), st.sampled_from(UNITS))
 
 
 def _terms(parts: st.SearchStrategy[Term]) -> st.SearchStrategy[Term]:
     several = st.lists(parts, min_size=2, max_size=3).map(tuple)
     return (
-        st.builds(Negative, parts) | st.builds(Absolute, parts) | st.builds(Sum, several) | st.builds(Product, several)
+        st.builds(stl.Negative, parts)
+        | st.builds(stl.Absolute, parts)
+        | st.builds(stl.Sum, several)
+        | st.builds(stl.Product, several)
     )
 
 
 terms = st.recursive(numbers | st.sampled_from(SIGNALS), _terms, max_leaves=4)
-comparisons = st.builds(Comparison, terms, st.sampled_from(("<", "<=", ">", ">=")), terms).filter(
+comparisons = st.builds(stl.Comparison, terms, st.sampled_from(("<", "<=", ">", ">=")), terms).filter(
     lambda found: any(True for term in (found.left, found.right) for _ in signals(term))
 )
 seconds = st.integers(0, 12).map(float)
@@ -72,33 +55,36 @@ intervals = (
 def _formulas(parts: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
     several = st.lists(parts, min_size=2, max_size=3).map(tuple)
     return (
-        st.builds(Not, parts)
-        | st.builds(And, several)
-        | st.builds(Or, several)
-        | st.builds(Implies, parts, parts)
-        | st.builds(Always, parts, intervals)
-        | st.builds(Eventually, parts, intervals)
-        | st.builds(Until, parts, parts, intervals)
+        st.builds(stl.Not, parts)
+        | st.builds(stl.And, several)
+        | st.builds(stl.Or, several)
+        | st.builds(stl.Implies, parts, parts)
+        | st.builds(stl.Always, parts, intervals)
+        | st.builds(stl.Eventually, parts, intervals)
+        | st.builds(stl.Until, parts, parts, intervals)
     )
 
 
 formulas: st.SearchStrategy[Formula] = st.recursive(comparisons, _formulas, max_leaves=6)
 
 simple = st.builds(
-    Comparison, st.sampled_from((X, Y)), st.sampled_from(("<", ">")), st.integers(-2, 2).map(lambda v: Number(float(v)))
+    stl.Comparison,
+    st.sampled_from((X, Y)),
+    st.sampled_from(("<", ">")),
+    st.integers(-2, 2).map(lambda v: stl.Number(float(v))),
 )
 plain_formulas: st.SearchStrategy[Formula] = st.recursive(simple, _formulas, max_leaves=6)  # without arithmetic
 
 every_step_formulas: st.SearchStrategy[Formula] = st.recursive(
     simple,
     lambda parts: (
-        st.builds(And, st.lists(parts, min_size=2, max_size=3).map(tuple))
-        | st.builds(Or, st.lists(parts, min_size=2, max_size=3).map(tuple))
-        | st.builds(Always, parts, intervals)
-        | st.builds(lambda part, interval: Not(Eventually(Not(part), interval)), parts, intervals)
+        st.builds(stl.And, st.lists(parts, min_size=2, max_size=3).map(tuple))
+        | st.builds(stl.Or, st.lists(parts, min_size=2, max_size=3).map(tuple))
+        | st.builds(stl.Always, parts, intervals)
+        | st.builds(lambda part, interval: stl.Not(stl.Eventually(stl.Not(part), interval)), parts, intervals)
     ),
     max_leaves=6,
-).map(Always)
+).map(stl.Always)
 """Invariants whose inner operators need every step of their interval."""
 
 walks = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=1, max_size=20)
@@ -122,26 +108,26 @@ def meaning(  # noqa: PLR0911 - a line for each kind
         return meaning(part, walk, then, contrary=contrary, strong=strong)
 
     match formula:
-        case Comparison(left, relation, right):
+        case stl.Comparison(left, relation, right):
             first, second = (_value(term, walk[at]) for term in (left, right))
             margin = second - first if relation in ("<", "<=") else first - second
             return -margin if contrary else margin
-        case Not():
+        case stl.Not():
             return meaning(formula.formula, walk, at, contrary=not contrary, strong=strong)
-        case And() | Or():
-            choose = min if isinstance(formula, And) is not contrary else max
+        case stl.And() | stl.Or():
+            choose = min if isinstance(formula, stl.And) is not contrary else max
             return choose(of(part, at, strong=strong) for part in formula.formulas)
-        case Implies():
+        case stl.Implies():
             choose = min if contrary else max
             premise = meaning(formula.premise, walk, at, contrary=not contrary, strong=strong)
             return choose(premise, of(formula.conclusion, at, strong=strong))
     later, endless = _later(formula.interval, walk, at), math.isinf(formula.interval.end)
-    if isinstance(formula, Until) and not contrary:
+    if isinstance(formula, stl.Until) and not contrary:
         return max(ways(formula, walk, at), default=-math.inf)
-    if not isinstance(formula, Until) and isinstance(formula, Eventually) is not contrary:
+    if not isinstance(formula, stl.Until) and isinstance(formula, stl.Eventually) is not contrary:
         return max((of(formula.formula, then, strong=True) for then in later), default=-math.inf)
     inner_strong = strong and not endless
-    if isinstance(formula, Until):
+    if isinstance(formula, stl.Until):
         failed = [of(formula.before, k, strong=True) for k in range(at, len(walk))]
         found = [max([of(formula.then, then, strong=inner_strong), *failed[: then - at]]) for then in later]
         beyond = max(failed)
@@ -154,7 +140,7 @@ def meaning(  # noqa: PLR0911 - a line for each kind
     return -math.inf if strong and least == math.inf else least
 
 
-def ways(formula: Until, walk: list[tuple[int, int]], at: int, *, contrary: bool = False) -> list[float]:
+def ways(formula: stl.Until, walk: list[tuple[int, int]], at: int, *, contrary: bool = False) -> list[float]:
     """How true an `until` is by each moment of its interval; of its negation: how false."""
     befores = [meaning(formula.before, walk, k, contrary=contrary, strong=True) for k in range(at, len(walk))]
     thens = {
@@ -171,27 +157,29 @@ def evidence(formula: Formula, walk: list[tuple[int, int]], *, contrary: bool = 
     Without one, a part is neither true nor false: the whole is known only if another part is enough.
     """
     match formula:
-        case Not():
+        case stl.Not():
             return evidence(formula.formula, walk, contrary=not contrary)
-        case And() | Or() | Implies():
+        case stl.And() | stl.Or() | stl.Implies():
             several = (
-                formula.formulas if not isinstance(formula, Implies) else (Not(formula.premise), formula.conclusion)
+                formula.formulas
+                if not isinstance(formula, stl.Implies)
+                else (stl.Not(formula.premise), formula.conclusion)
             )
             found = [evidence(part, walk, contrary=contrary) for part in several]
-            every = isinstance(formula, And) is not contrary
+            every = isinstance(formula, stl.And) is not contrary
             known = [one for one in found if one[1]]
             if known:
                 best = (min if every else max)(known, key=lambda one: one[0])
                 if len(known) == len(found) or (best[0] < 0 if every else best[0] >= 0):
                     return best
             return next(one for one in found if not one[1])
-        case Always() | Eventually():
-            strong = isinstance(formula, Eventually) is not contrary
+        case stl.Always() | stl.Eventually():
+            strong = isinstance(formula, stl.Eventually) is not contrary
             margins = [
                 meaning(formula.formula, walk, then, contrary=contrary, strong=strong)
                 for then in _later(formula.interval, walk, 0)
             ]
-        case Until() if math.isfinite(max(horizon(formula.before), horizon(formula.then))):
+        case stl.Until() if math.isfinite(max(horizon(formula.before), horizon(formula.then))):
             margins = ways(formula, walk, 0, contrary=contrary)
             befores = [meaning(formula.before, walk, k, contrary=contrary, strong=True) for k in range(len(walk))]
             lost = max(befores) if contrary else min(befores)
@@ -207,6 +195,6 @@ def _later(interval: Interval, walk: list[tuple[int, int]], at: int) -> list[int
 
 
 def _value(term: Term, moment: tuple[int, int]) -> float:
-    if isinstance(term, Number):
+    if isinstance(term, stl.Number):
         return term.value
     return float(moment[0] if term == X else moment[1])

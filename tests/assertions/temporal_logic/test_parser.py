@@ -9,36 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.assertions.temporal_logic.formula import (
-    Absolute,
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Implies,
-    Interval,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Product,
-    Signal,
-    Sum,
-    Until,
-)
+from sim_action.assertions.temporal_logic import formula as stl
+from sim_action.assertions.temporal_logic.formula import Formula, Interval
 from sim_action.assertions.temporal_logic.parser import MAX_CHARACTERS, MAX_DEPTH, FormulaError, parse
 from tests.assertions.temporal_logic.formulas import formulas
 from tests.soak import examples
 
-X, Y = Signal("x"), Signal("y")
-A = Comparison(X, "<", Number(1.0))
-B = Comparison(Y, ">", Number(2.0))
-C = Comparison(Signal("speed"), "<=", Number(0.5, "m/s"))
+X, Y = stl.Signal("x"), stl.Signal("y")
+A = stl.Comparison(X, "<", stl.Number(1.0))
+B = stl.Comparison(Y, ">", stl.Number(2.0))
+C = stl.Comparison(stl.Signal("speed"), "<=", stl.Number(0.5, "m/s"))
 
 
-def below_one(name: str, source: Literal["frame", "sensor", "pair"], *names: str) -> Comparison:
-    return Comparison(Signal(name, source=source, names=names), "<", Number(1.0))
+def below_one(name: str, source: Literal["frame", "sensor", "pair"], *names: str) -> stl.Comparison:
+    return stl.Comparison(stl.Signal(name, source=source, names=names), "<", stl.Number(1.0))
 
 
 def refusal(text: str) -> str:
@@ -53,29 +37,40 @@ def refusal(text: str) -> str:
         ("x < 1", A),
         ("  x<1  ", A),
         ("speed <= 50 cm/s", C),
-        ("not x < 1", Not(A)),
-        ("x < 1 and y > 2 and speed <= 0.5 m/s", And((A, B, C))),
-        ("x < 1 or y > 2 and speed <= 0.5 m/s", Or((A, And((B, C))))),
-        ("(x < 1 or y > 2) and speed <= 0.5 m/s", And((Or((A, B)), C))),
-        ("x < 1 implies y > 2 implies x < 1", Implies(A, Implies(B, A))),
-        ("x < 1 and y > 2 implies x < 1", Implies(And((A, B)), A)),
-        ("always x < 1", Always(A)),
-        ("always (x < 1 and y > 2)", Always(And((A, B)))),
-        ("always (x < 1) and y > 2", And((Always(A), B))),
-        ("y > 2 and always x < 1", And((B, Always(A)))),
+        ("not x < 1", stl.Not(A)),
+        ("x < 1 and y > 2 and speed <= 0.5 m/s", stl.And((A, B, C))),
+        ("x < 1 or y > 2 and speed <= 0.5 m/s", stl.Or((A, stl.And((B, C))))),
+        ("(x < 1 or y > 2) and speed <= 0.5 m/s", stl.And((stl.Or((A, B)), C))),
+        ("x < 1 implies y > 2 implies x < 1", stl.Implies(A, stl.Implies(B, A))),
+        ("x < 1 and y > 2 implies x < 1", stl.Implies(stl.And((A, B)), A)),
+        ("always x < 1", stl.Always(A)),
+        ("always (x < 1 and y > 2)", stl.Always(stl.And((A, B)))),
+        ("always (x < 1) and y > 2", stl.And((stl.Always(A), B))),
+        ("y > 2 and always x < 1", stl.And((B, stl.Always(A)))),
         ("always eventually[1 s, 200 ms * 0] x < 1", None),
-        ("eventually[500 ms, 2] x < 1", Eventually(A, Interval(0.5, 2.0))),
-        ("eventually [1 s, end] x < 1", Eventually(A, Interval(1.0, math.inf))),
-        ("always[0 s, end] x < 1", Always(A)),
-        ("x < 1 until y > 2", Until(A, B)),
-        ("x < 1 until[0 s, 3 s] (y > 2)", Until(A, B, Interval(0.0, 3.0))),
-        ("not not x < 1", Not(Not(A))),
-        ("x + 1 < 2 * y - x", Comparison(Sum((X, Number(1.0))), "<", Sum((Product((Number(2.0), Y)), Negative(X))))),
-        ("abs(x - 1) >= -y", Comparison(Absolute(Sum((X, Negative(Number(1.0))))), ">=", Negative(Y))),
-        ("(x + y) * 2 < 1", Comparison(Product((Sum((X, Y)), Number(2.0))), "<", Number(1.0))),
-        ("position( arm/elbow-1 ) > 20 N m", Comparison(Signal("position", "arm/elbow-1"), ">", Number(20.0, "N m"))),
-        ("time > 1 min", Comparison(Signal("time"), ">", Number(60.0, "s"))),
-        ("x<1e1", Comparison(X, "<", Number(10.0))),
+        ("eventually[500 ms, 2] x < 1", stl.Eventually(A, Interval(0.5, 2.0))),
+        ("eventually [1 s, end] x < 1", stl.Eventually(A, Interval(1.0, math.inf))),
+        ("always[0 s, end] x < 1", stl.Always(A)),
+        ("x < 1 until y > 2", stl.Until(A, B)),
+        ("x < 1 until[0 s, 3 s] (y > 2)", stl.Until(A, B, Interval(0.0, 3.0))),
+        ("not not x < 1", stl.Not(stl.Not(A))),
+        (
+            "x + 1 < 2 * y - x",
+            stl.Comparison(
+                stl.Sum((X, stl.Number(1.0))), "<", stl.Sum((stl.Product((stl.Number(2.0), Y)), stl.Negative(X)))
+            ),
+        ),
+        (
+            "abs(x - 1) >= -y",
+            stl.Comparison(stl.Absolute(stl.Sum((X, stl.Negative(stl.Number(1.0))))), ">=", stl.Negative(Y)),
+        ),
+        ("(x + y) * 2 < 1", stl.Comparison(stl.Product((stl.Sum((X, Y)), stl.Number(2.0))), "<", stl.Number(1.0))),
+        (
+            "position( arm/elbow-1 ) > 20 N m",
+            stl.Comparison(stl.Signal("position", "arm/elbow-1"), ">", stl.Number(20.0, "N m")),
+        ),
+        ("time > 1 min", stl.Comparison(stl.Signal("time"), ">", stl.Number(60.0, "s"))),
+        ("x<1e1", stl.Comparison(X, "<", stl.Number(10.0))),
         ("tool0.x < 1", below_one("x", "frame", "tool0")),
         ("'left-hand'.yaw < 1", below_one("yaw", "frame", "left-hand")),
         ('"it\'s".x < 1', below_one("x", "frame", "it's")),
@@ -86,7 +81,7 @@ def refusal(text: str) -> str:
         ("clearance < 1", below_one("clearance", "pair")),
         ("clearance(wall) < 1", below_one("clearance", "pair", "wall")),
         ("force( tip , the box ) < 1", below_one("force", "pair", "tip", "the box")),
-        ("position('a (b)') < 1", Comparison(Signal("position", "a (b)"), "<", Number(1.0))),
+        ("position('a (b)') < 1", stl.Comparison(stl.Signal("position", "a (b)"), "<", stl.Number(1.0))),
     ],
 )
 def test_what_texts_mean(text: str, formula: Formula | None) -> None:
@@ -207,9 +202,9 @@ def test_what_is_refused_and_where(text: str, message: str) -> None:
 
 
 def test_what_ends_with_its_parenthesis_needs_no_more() -> None:
-    assert parse("always eventually (x < 1) and y > 2") == And((Always(Eventually(A)), B))
-    assert parse("not always (x < 1) or y > 2") == Or((Not(Always(A)), B))
-    assert parse("y > 2 and (x < 1 until y > 2)") == And((B, Until(A, B)))
+    assert parse("always eventually (x < 1) and y > 2") == stl.And((stl.Always(stl.Eventually(A)), B))
+    assert parse("not always (x < 1) or y > 2") == stl.Or((stl.Not(stl.Always(A)), B))
+    assert parse("y > 2 and (x < 1 until y > 2)") == stl.And((B, stl.Until(A, B)))
 
 
 @pytest.mark.parametrize(
@@ -230,7 +225,7 @@ def test_as_much_as_is_read_is_read_and_what_is_too_long_is_refused_unread() -> 
     text = " and ".join(["x<1"] * 250)
     assert len(text) < MAX_CHARACTERS
     formula = parse(text)
-    assert isinstance(formula, And)
+    assert isinstance(formula, stl.And)
     assert len(formula.formulas) == 250
 
 
