@@ -13,7 +13,7 @@ from sim_action.app.run import RunRequest, run_scenarios
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field, replace
-from sim_action.core.wording import note
+from sim_action.core.wording import counted, first_of, note
 from sim_action.core.workspace import compared_name, discover, file_name, unique
 from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compare_outcomes
@@ -178,11 +178,8 @@ def _by_file(results: Results) -> dict[str, _FileResults]:
 
 
 def _names(changed: set[Path]) -> str:
-    names = sorted(os.path.relpath(path) for path in changed)
-    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    return (", ".join(names[:_MAX_NAMES]) + more) or "a new scenario"
+    return first_of(sorted(os.path.relpath(path) for path in changed), _MAX_NAMES) or "a new scenario"
 
 
 def _note_watched(watched: _Watched) -> None:
-    count = len(watched.paths() - watched.folders)
-    note(f"watching {count} {'file' if count == 1 else 'files'}; press Ctrl-C to stop")
+    note(f"watching {counted(len(watched.paths() - watched.folders), 'file')}; press Ctrl-C to stop")

@@ -20,7 +20,7 @@ from typing import Any, Final
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.core.wording import as_text, did_you_mean, excerpt
+from sim_action.core.wording import as_text, did_you_mean, excerpt, first_of
 
 ANYTHING: Final = "*"  # a name in `Script.names`: the script imports all names of another module
 _MAX_SCRIPT_BYTES: Final = 1_000_000
@@ -70,11 +70,10 @@ class SharedModules:
         names = self.replaced()
         if not names:
             return None
-        more = f" and {len(names) - _MAX_REPLACED_SHOWN} more" if len(names) > _MAX_REPLACED_SHOWN else ""
+        replaced = first_of(names, _MAX_REPLACED_SHOWN)
         return ScriptError(
-            f"code of this scenario replaced {', '.join(names[:_MAX_REPLACED_SHOWN])}{more}, which sim-action uses in "
-            f"the same process, and then the run broke ({type(error).__name__}: {error}); change a copy, or run the "
-            "code as a 'process'"
+            f"code of this scenario replaced {replaced}, which sim-action uses in the same process, and then the run "
+            f"broke ({type(error).__name__}: {error}); change a copy, or run the code as a 'process'"
         )
 
 

@@ -49,8 +49,13 @@ def system_reason(error: Exception) -> str:
 
 def quoted(names: Sequence[str]) -> str:
     """Return names in quotes: the first five, and the number of the others."""
-    more = len(names) - _MAX_NAMES_QUOTED
-    return ", ".join(f"'{name}'" for name in names[:_MAX_NAMES_QUOTED]) + (f" and {more} more" if more > 0 else "")
+    return first_of([f"'{name}'" for name in names], _MAX_NAMES_QUOTED)
+
+
+def first_of(texts: Collection[str], most: int) -> str:
+    """Return the first texts with commas between them, and the number of the others: "a, b and 3 more"."""
+    more = len(texts) - most
+    return ", ".join(islice(texts, most)) + (f" and {more} more" if more > 0 else "")
 
 
 def note(message: str) -> None:

@@ -13,6 +13,7 @@ from typing import Final
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
+from sim_action.core.wording import first_of
 from sim_action.drives.plugins import (
     NoDrive,
     joints_by_plugin,
@@ -240,8 +241,7 @@ def unrolling_pair(model: RobotModel) -> tuple[str, str] | None:
 
 def named(wheels: Sequence[Wheel]) -> str:
     """Return the names of the joints of wheels as text."""
-    names = [f"'{ground_wheel.joint}'" for ground_wheel in wheels[:_MAX_NAMED]]
-    return ", ".join(names) + (f" and {len(wheels) - _MAX_NAMED} more" if len(wheels) > _MAX_NAMED else "")
+    return first_of([f"'{ground_wheel.joint}'" for ground_wheel in wheels], _MAX_NAMED)
 
 
 def mirrored_names(one: str, other: str) -> tuple[str, str] | None:

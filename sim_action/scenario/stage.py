@@ -16,7 +16,7 @@ from sim_action.core import units
 from sim_action.core.errors import Location, ModelError, Problem, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.records import dataclass, field
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import did_you_mean, first_of
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_document import KeyPath, ProblemList, SpecProblems
 from sim_action.robot.documents.packages import Packages
@@ -160,9 +160,8 @@ def _note_missing(world_file: WorldFile, problems: ProblemList, allowed: Abstrac
             same.setdefault(loss.message.partition(" (")[0], []).append((loss.location, loss.message))
     for places in same.values():
         (first, message), *others = places
-        lines = ", ".join(str(place) for place, _ in others[:_MAX_LINES])
-        more = f" and {len(others) - _MAX_LINES} more" if len(others) > _MAX_LINES else ""
-        also = f"; {len(places)} times, also at {lines}{more}" if others else ""
+        lines = first_of([str(place) for place, _ in others], _MAX_LINES)
+        also = f"; {len(places)} times, also at {lines}" if others else ""
         remedy = f"to run without it: allow: [{INCOMPLETE_WORLD}]"
         problems.note_elsewhere(Problem(first, f"{message}{also}; {remedy} [{INCOMPLETE_WORLD}]"))
 
@@ -292,9 +291,7 @@ class Clashes:
 
 
 def _few(clashes: Sequence[Clash]) -> str:
-    more = len(clashes) - _MAX_NAMED
-    named = ", ".join(map(_in_other, clashes[:_MAX_NAMED]))
-    return f"{named} and {more} more" if more > 0 else named
+    return first_of([*map(_in_other, clashes)], _MAX_NAMED)
 
 
 def _in_other(clash: Clash) -> str:

@@ -33,7 +33,7 @@ from sim_action.core.errors import Location, RecordingError
 from sim_action.core.files import open_regular
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
-from sim_action.core.wording import did_you_mean, escaped_line, shown
+from sim_action.core.wording import did_you_mean, escaped_line, first_of, shown
 
 MAX_BYTES: Final = 25_000_000
 MAX_COLUMNS: Final = 1_000
@@ -311,9 +311,8 @@ class Table:
             raise RecordingError(f"{self.name}: {empty}, so nothing to replay")
         if problem := _unit_problem(header.time, [time_ns / 1e9 for time_ns, _ in rows], clock.is_whole):
             raise RecordingError(escaped_line(f"{self.name}: {problem}"))
-        listed = ", ".join(shown(name) for name in header.ignored[:3])
-        more = f" and {len(header.ignored) - 3} more" if len(header.ignored) > 3 else ""
-        notes = (escaped_line(f"{self.name}: columns that are not commands: {listed}{more}"),) if listed else ()
+        listed = first_of([*map(shown, header.ignored)], 3)
+        notes = (escaped_line(f"{self.name}: columns that are not commands: {listed}"),) if listed else ()
         unused = {"without a number in the columns of commands": count - len(rows)}
         return Recorded(tuple(rows), clock.resolution_s, count, unused, notes)
 
