@@ -11,22 +11,22 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.files import whole_file
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
-from sim_action.core.wording import counted, escaped_line, note, system_reason, warn
+from sim_action.core.wording import counted, note, warn
 from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.writing import open_reports, remove_earlier, write_reports
 from sim_action.results.factor_margins import Margin, Margins, ScenarioMargins
 from sim_action.results.journal import JOURNAL_FILE, Event, Finished, Header, Journal, Record, RunEnded
 from sim_action.results.outcome import Outcome
-from sim_action.results.results_json import MARGINS_FILE
+from sim_action.results.output_folder import writing
+from sim_action.results.results_json import MARGINS_FILE, write_json
 from sim_action.runner.margin_search import FACTORS, FactorRequest, Search, Trial, trial
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import first_runs
-from sim_action.runner.outcome_assembly import planned_outcomes, stored_trace
+from sim_action.runner.outcome_assembly import planned_outcomes
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_keys import RunKeys, RunOptions, changed_parts, trusted_journal
 from sim_action.runner.run_plan import PlanRequest, Runs, plan_runs
@@ -84,7 +84,7 @@ class _Call:
             scenario if isinstance(scenario, Refused) else replace(scenario, mutation=None)
             for scenario in first_runs(plan.plans)
         ]
-        self._of_patterns = [*map(Outcome.of_nothing, plan.empty), *map(Outcome.of_unmatched, plan.unmatched)]
+        self._of_patterns = plan.of_nothing
         self._planned = planned_outcomes(
             [scenario if isinstance(scenario, Refused) else (scenario,) for scenario in self._firsts], self._of_patterns
         )
@@ -162,9 +162,8 @@ class _Call:
     def _originals(self, outcomes: Sequence[Outcome]) -> Iterator[tuple[int, Original]]:
         """Yield the runs that passed, with their places."""
         for place, (scenario, outcome) in enumerate(zip(self._firsts, outcomes, strict=True)):
-            trace = stored_trace(outcome, self._folder) if outcome.status == "passed" else None
-            if trace is not None and not isinstance(scenario, Refused):
-                yield place, Original(scenario, outcome, trace)
+            if original := Original.of(scenario, outcome, self._folder):
+                yield place, original
 
     def _searches(self, original: Original) -> Iterator[Search]:
         for request in self._request.factors or map(FactorRequest, FACTORS):
@@ -242,11 +241,8 @@ class _Call:
 
     def _write(self, margins: Margins) -> None:
         path = self._options.folder / MARGINS_FILE
-        try:
-            with whole_file(path) as file:
-                file.write((margins.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))
-        except OSError as error:
-            raise UsageError(escaped_line(f"{path} cannot be written: {system_reason(error)}")) from None
+        with writing(str(path)):
+            write_json(margins, path)
 
 
 def _margins(outcome: Outcome, margins: Sequence[Margin] | None) -> ScenarioMargins:

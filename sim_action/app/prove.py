@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.version import __version__
-from sim_action.core.wording import counted, escaped_line, note, system_reason
+from sim_action.core.wording import counted, escaped_line, note
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
 from sim_action.reports.html.proof_page import ShownScenario, write_proof_page
 from sim_action.reports.progress import ProgressListener
@@ -25,13 +25,13 @@ from sim_action.reports.writing import open_reports
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.journal import RunEnded
 from sim_action.results.outcome import Outcome
-from sim_action.results.output_folder import JUNIT_FILE, is_proof, refuse_foreign_file, remove_regular
+from sim_action.results.output_folder import JUNIT_FILE, is_proof, refuse_foreign_file, remove_regular, writing
 from sim_action.results.proof import MutantStatus, Proof
+from sim_action.results.results_json import write_json
 from sim_action.runner.child_outcome import interrupted
 from sim_action.runner.mutation import judgement, planning
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
-from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.runner.process_pool import Pool, PoolOptions
 from sim_action.runner.run_plan import PlanRequest, Runs, plan_runs
 from sim_action.scenario.loading import Libraries
@@ -121,24 +121,15 @@ def _write(
 ) -> None:
     """Write the proof, the page and files of GitHub; replays are in `replays`. Raise UsageError."""
     if request.json is not None:
-        with _writing(f"--json {request.json}"):
-            proof.write(request.json)
+        with writing(f"--json {request.json}"):
+            write_json(proof, request.json)
     if request.has_report:
-        with _writing(str(options.folder / REPORT_FILE)):
+        with writing(str(options.folder / REPORT_FILE)):
             write_proof_page(proof, shown, options, replays)
-    with _writing("the job summary or the outputs"):
+    with writing("the job summary or the outputs"):
         write_proof_outputs(proof, options)
         if "summary" not in options.silenced:
             write_proof_summary(proof, options)
-
-
-@contextmanager
-def _writing(target: str) -> Iterator[None]:
-    """Raise UsageError for an OSError inside."""
-    try:
-        yield
-    except OSError as error:
-        raise UsageError(escaped_line(f"{target} cannot be written: {system_reason(error)}")) from None
 
 
 class _Call:
@@ -160,9 +151,11 @@ class _Call:
         loaded = [first for first in firsts if not isinstance(first, Refused)]
         outcomes = iter(self._outcomes(loaded, _ORIGINALS))
         several = [Outcome.of_refused(first) if isinstance(first, Refused) else next(outcomes) for first in firsts]
-        entries = [self._original(*pair) for pair in zip(firsts, several, strict=True)]
-        missing = [*map(Outcome.of_nothing, self._run_plan.empty), *map(Outcome.of_unmatched, self._run_plan.unmatched)]
-        entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in missing)
+        entries = [
+            Original.of(first, outcome, self._folder / _ORIGINALS) or ShownScenario(judgement.not_mutated(outcome))
+            for first, outcome in zip(firsts, several, strict=True)
+        ]
+        entries += (ShownScenario(judgement.not_mutated(outcome)) for outcome in self._run_plan.of_nothing)
         proven_ones = iter(self._proven([entry for entry in entries if isinstance(entry, Original)]))
         self.shown = [next(proven_ones) if isinstance(entry, Original) else entry for entry in entries]
         scenarios = tuple(scenario.scenario for scenario in self.shown)
@@ -176,12 +169,6 @@ class _Call:
             interrupted=interrupted,
             scenarios=scenarios,
         )
-
-    def _original(self, loaded: LoadedScenario | Refused, outcome: Outcome) -> ShownScenario | Original:
-        trace = stored_trace(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
-        if trace is None or isinstance(loaded, Refused):
-            return ShownScenario(judgement.not_mutated(outcome))
-        return Original(loaded, outcome, trace)
 
     def _proven(self, originals: Sequence[Original]) -> list[ShownScenario]:
         """Return the scenarios that passed, after the runs of their mutants."""

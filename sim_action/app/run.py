@@ -198,7 +198,7 @@ class _Call:
             if repetitions and request.reports.verbosity != "quiet":
                 judged = counted(len(self._every) - repetitions, "run")
                 note(f"{counted(repetitions, 'repetition')} for the confidence of {judged}")
-            assembly.begin(_of_patterns(self._run_plan))
+            assembly.begin(self._run_plan.of_nothing)
             assembly.take_over(self.taken.records)
             stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
             if request.fail_fast and stopped:
@@ -265,7 +265,7 @@ class _Call:
         run_plan, options = self._run_plan, self._options
         of_runs = [path.as_posix() for files in self._files(Path()) for path in files]
         return Header.of_call(
-            planned_outcomes(self._plans, _of_patterns(run_plan)),
+            planned_outcomes(self._plans, run_plan.of_nothing),
             (*options.files, *of_runs),
             run_plan.shard,
             selected=bool(self._request.plan.suite.numbers),
@@ -284,10 +284,6 @@ def _emit(listeners: Iterable[Listener], event: Event) -> None:
 
 def _size(plan: Plan) -> int:
     return 0 if isinstance(plan, Refused) else len(plan)
-
-
-def _of_patterns(run_plan: RunPlan) -> list[Outcome]:
-    return [*map(Outcome.of_nothing, run_plan.empty), *map(Outcome.of_unmatched, run_plan.unmatched)]
 
 
 def _has_replays(request: RunRequest) -> bool:

@@ -89,12 +89,19 @@ def is_foreign(path: Path, is_ours: Callable[[bytes], bool]) -> bool:
     return bool(start) and not is_ours(start)
 
 
+@contextmanager
+def writing(target: str) -> Iterator[None]:
+    """Raise UsageError if the system, or the name of a file, lets nothing be written inside; `target`: the file."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise UsageError(escaped_line(f"{target} cannot be written: {system_reason(error)}")) from None
+
+
 def refuse_foreign_file(option: str, path: Path, is_ours: Callable[[bytes], bool], what: str) -> None:
     """Raise UsageError if the file of an option exists and is not ours; `what`: that it is not, in words."""
-    try:
+    with writing(f"{option} {path}"):
         foreign = is_foreign(path, is_ours)
-    except (OSError, ValueError) as error:
-        raise UsageError(escaped_line(f"{option} {path} cannot be written: {system_reason(error)}")) from None
     if foreign:
         raise UsageError(escaped_line(f"{option} {path} exists and {what}; name another file, or remove it"))
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.core.field_types import FrozenModel
-from sim_action.core.files import whole_file
 from sim_action.results.outcome import NotNegative
 from sim_action.scenario.model import Severity
 from sim_action.scenario.source import Variation
@@ -199,8 +197,3 @@ class Proof(FrozenModel):
             has_scenarios=bool(self.scenarios),
             has_failed=strict and bool(self.scenarios) and not self.all_notice,
         )
-
-    def write(self, path: Path) -> None:
-        """Write the file as a whole. Raise OSError."""
-        with whole_file(path) as file:
-            file.write((self.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))

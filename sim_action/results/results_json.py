@@ -256,6 +256,12 @@ def _place_of_long_text(data: bytes) -> str | None:
     return None
 
 
+def write_json(model: FrozenModel, path: Path) -> None:
+    """Write a model as JSON into a file, as a whole. Raise OSError."""
+    with whole_file(path) as file:
+        file.write(f"{_json(model)}\n".encode(errors="replace"))
+
+
 def _json(model: FrozenModel) -> str:
     try:
         return model.model_dump_json(indent=2)

@@ -130,6 +130,11 @@ class RunPlan:
         gates = (run.gate if isinstance(run, Refused) else run.source.gate for run in runs)
         return tuple({(gate.file, gate.name): gate for gate in gates if gate is not None}.values())
 
+    @property
+    def of_nothing(self) -> list[Outcome]:
+        """The error outcomes of the paths, patterns and tags without a scenario."""
+        return [*map(Outcome.of_nothing, self.empty), *map(Outcome.of_unmatched, self.unmatched)]
+
 
 def plan_runs(request: PlanRequest) -> RunPlan:
     """Read all scenarios, select this shard, and check its part. Raise UsageError.

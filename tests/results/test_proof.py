@@ -12,6 +12,7 @@ from sim_action.app.schema import proof_schema
 from sim_action.core.errors import ExitCode, Location
 from sim_action.results.output_folder import is_proof
 from sim_action.results.proof import Finding, MutantResult, PathChange, Proof, ProvenExpectation, ProvenScenario
+from sim_action.results.results_json import write_json
 
 
 def proof(*scenarios: ProvenScenario) -> Proof:
@@ -51,7 +52,7 @@ def test_exit_codes(made: Proof, code: ExitCode, strict: ExitCode) -> None:
 def test_the_file_is_as_its_schema_says(tmp_path: Path) -> None:
     path = tmp_path / "proof.json"
     made = proof(scenario("checks nothing"))
-    made.write(path)
+    write_json(made, path)
     written = json.loads(path.read_text())
     jsonschema.validate(written, proof_schema())
     assert Proof.model_validate_json(path.read_bytes()) == made

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import Outcome
 from sim_action.robot.model.kinematics import link_motion
+from sim_action.runner.outcome_assembly import stored_trace
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
+from sim_action.scenario.source import Refused
 from sim_action.state.trace import Trace
 
 if TYPE_CHECKING:
@@ -36,6 +39,12 @@ class Original:
     loaded: LoadedScenario
     outcome: Outcome
     trace: Trace
+
+    @classmethod
+    def of(cls, loaded: LoadedScenario | Refused, outcome: Outcome, folder: Path) -> Self | None:
+        """Return the run of a scenario whose files are in `folder`; None if it did not pass, or has no trace."""
+        trace = stored_trace(outcome, folder) if outcome.status == "passed" else None
+        return None if trace is None or isinstance(loaded, Refused) else cls(loaded, outcome, trace)
 
     @property
     def scenario(self) -> Scenario:
