@@ -9,7 +9,7 @@ from typing import Final, Literal, TextIO, get_args
 from pydantic import JsonValue
 
 from sim_action.core import units
-from sim_action.core.wording import counted, shown
+from sim_action.core.wording import counted, first_of, shown
 from sim_action.reports.display import STATUS_DISPLAYS, open_console
 from sim_action.reports.formatting import first_reason, measurements, moment, quantity, speed_text
 from sim_action.reports.github.markdown import fitting, markdown_row, markdown_rows, paragraphs
@@ -94,8 +94,7 @@ def headline(comparison: Comparison) -> str:
 
 def _warning_kinds(comparison: Comparison) -> str:
     kinds = dict.fromkeys(row.kind for row in rows(comparison) if row.status == "warned")
-    first, left = list(kinds)[:_MAX_KINDS], len(kinds) - _MAX_KINDS
-    return f"{', '.join(first)}{f' and {left} more' if left > 0 else ''}"
+    return first_of(kinds, _MAX_KINDS)
 
 
 def _rates(comparison: Comparison, direction: Literal["fell", "rose"]) -> int:

@@ -33,6 +33,10 @@ class StatusDisplay:
     junit: Literal["error", "failure", "skipped"] | None = None
     level: Level | None = None  # the level of the annotation; None: no annotation
 
+    def counted(self, count: int) -> str:
+        """Return a count with the word, such as "2 errors" or "2 failed"."""
+        return f"{count} {self.word}{'s' if count > 1 and self.word in ('error', 'warning') else ''}"
+
 
 STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType(
     {

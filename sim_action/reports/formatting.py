@@ -87,8 +87,7 @@ def counts_text(results: Results) -> str:
     """Return counts as "3 passed, 1 failed, 2 warnings": of scenarios and gates, with warnings once for a gate."""
     warnings = sum(1 for _ in _warnings(results))
     warned = f", {counted(warnings, 'warning')}" if warnings else ""
-    counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
-    parts = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
+    parts = [STATUS_DISPLAYS[status].counted(count) for status in _COUNTED if (count := results.count(status))]
     nothing = "no verdicts here" if results.outcomes else "no scenarios"
     return "; ".join(((", ".join(parts) or nothing) + warned, *_runs_of_gates(results), *_repetitions(results)))
 
@@ -219,6 +218,18 @@ def speed_text(real_time_factor: float | None) -> str:
     if real_time_factor is None:
         return ""
     return f"{real_time_factor:.0f}x real time" if real_time_factor >= 10 else f"{real_time_factor:.1f}x real time"
+
+
+def took_text(results: Results, taken_over: int | None = None) -> str:
+    """Return the wall time of a call and its speed, such as "1.2 s (12x real time)"."""
+    # The simulations of the earlier call took time, too.
+    factor = None if taken_over else results.real_time_factor
+    return f"{results.wall_time:.1f} s" + (f" ({speed_text(factor)})" if factor else "")
+
+
+def simulated_text(outcome: Outcome) -> str:
+    """Return the simulated time of a run, such as "2.00 s simulated"; empty without any."""
+    return "" if outcome.sim_time is None else f"{moment(outcome.sim_time)} simulated"
 
 
 def quantity(value: float | None, unit: str) -> str:

@@ -9,7 +9,7 @@ from sim_action.core import statistics
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import Expected, SequentialTest
 from sim_action.core.units import is_bare
-from sim_action.core.wording import counted
+from sim_action.core.wording import counted, first_of
 from sim_action.reports.display import Console, shows_colours
 from sim_action.reports.escaping import one_line
 from sim_action.scenario.source import Refused, Source
@@ -122,8 +122,7 @@ def _aligned(first: str, rest: Sequence[str], widths: Sequence[int]) -> str:
 
 
 def _chances(gate: Gate, runs: int, names: Sequence[str]) -> ChanceTable:
-    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    called = ", ".join(map(one_line, names[:_MAX_NAMES])) + more
+    called = first_of([*map(one_line, names)], _MAX_NAMES)
     remarks = tuple(_remark(claim, runs) for claim in gate.quantile)
     claim = gate.passes or gate.stop_early
     if claim is None:

@@ -77,15 +77,14 @@ class _Document:
         """Add the testsuite of a scenario, and return its totals."""
         cases, measured = PackedParts(), PackedParts()
         totals = dict.fromkeys(("tests", "failures", "errors", "skipped"), 0)
-        is_gate = group.gate is not None or group.is_part
-        for outcome in (group.gate or group.outcomes[0],) if is_gate else group.outcomes:
-            run = [self._gate(group)] if is_gate else self._run(group, outcome)
+        for outcome in (group.gate or group.outcomes[0],) if group.is_gate else group.outcomes:
+            run = [self._gate(group)] if group.is_gate else self._run(group, outcome)
             for case in run:
                 totals["tests"] += 1
                 for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
                     totals[name] += case.find(kind) is not None
             cases.add(encoded("".join([element_lines(case, INDENT * 2) for case in run])))
-            if not is_gate:
+            if not group.is_gate:
                 measured.add(encoded(property_lines(_measured(group, outcome, run))))
         file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
@@ -127,7 +126,7 @@ class _Document:
             "python": self._results.python,
             "platform": self._results.platform,
         }
-        if group.gate is not None or group.is_part:
+        if group.is_gate:
             return {**ours, "engine": group.engines or None, **_made_with(group.outcomes[0]), **_counts(group)}
         if not group.varies:
             return ours | _ran(group.worst)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, TextIO
 
 from sim_action.core.errors import Location
-from sim_action.core.wording import counted, shortened
+from sim_action.core.wording import counted, first_of, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.display import Console, Level, Line, open_console
 from sim_action.reports.escaping import markdown_block, markdown_text
@@ -130,10 +130,11 @@ def suggestion_title(suggestion: str, survivors: Sequence[MutantResult]) -> str:
 
 def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     """Return the finding on an expectation in words."""
-    lost = f"; not exercised in: {_names(expected.not_exercised)}" if expected.not_exercised else ""
+    lost = f"; not exercised in: {first_of(expected.not_exercised, _MOST_NAMES)}" if expected.not_exercised else ""
     near = "" if expected.sensitivity is None else f"; {_share(expected.sensitivity)} from its limit"
     if expected.finding == "notices":
-        return f"notices {len(expected.noticed)} of {expected.changed}: {_names(expected.noticed)}{lost}{near}"
+        noticed = f"{len(expected.noticed)} of {expected.changed}: {first_of(expected.noticed, _MOST_NAMES)}"
+        return f"notices {noticed}{lost}{near}"
     if expected.finding == "checks nothing":
         others = f", {len(expected.missed)} of them noticed by others" if expected.missed else ""
         return f"checks nothing here: {counted(expected.changed, 'mutant')} changed the run{others}{lost}{near}"
@@ -153,11 +154,6 @@ def _unknown_reason(expected: ProvenExpectation, scenario: ProvenScenario) -> st
 
 def _share(sensitivity: float) -> str:
     return f"{sensitivity:.0%}" if sensitivity <= _MOST_SENSITIVITY else f"more than {_MOST_SENSITIVITY:.0%}"
-
-
-def _names(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 _MAX_NAME: Final = 100

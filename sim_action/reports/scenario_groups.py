@@ -36,6 +36,11 @@ class ScenarioGroup:
         return self.gate is None and self.planned is not None
 
     @property
+    def is_gate(self) -> bool:
+        """Return True for a gate, also if another call judges it: its runs do not count by themselves."""
+        return self.gate is not None or self.is_part
+
+    @property
     def could_not_run(self) -> tuple[Outcome, ...]:
         """The runs that fail the call in spite of their gate: invalid or interrupted ones, and internal errors."""
         return tuple(outcome for outcome in self.outcomes if outcome.exit_code > ExitCode.FAILED)
@@ -88,10 +93,7 @@ class ScenarioGroup:
         """The number of runs that did not pass, such as "3 runs did not pass: 2 failed, 1 error"."""
         statuses = [outcome.status for outcome in self.not_passed]
         kinds = dict.fromkeys(sorted(statuses, key=lambda status: (status == "error", statuses.index(status))))
-        counts = ((statuses.count(kind), STATUS_DISPLAYS[kind].word) for kind in kinds)
-        breakdown = ", ".join(
-            f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts
-        )
+        breakdown = ", ".join(STATUS_DISPLAYS[kind].counted(statuses.count(kind)) for kind in kinds)
         if len(kinds) == 1 and "failed" in kinds:
             return f"{counted(len(statuses), 'run')} failed"
         return f"{counted(len(statuses), 'run')} did not pass: {breakdown}" if statuses else ""
@@ -155,6 +157,11 @@ class ScenarioGroup:
         return f"{statuses.count('passed')} of {len(statuses)} passed{left}"
 
     @property
+    def variations_text(self) -> str:
+        """The number of passed variations and the worst one, such as "7 of 9 passed; worst: [yaw=0.4], ..."."""
+        return self.passed + (f"; worst: {self.worst_text}" if self.status != "skipped" else "")
+
+    @property
     def warnings(self) -> tuple[tuple[AuditWarning, int], ...]:
         """The warnings of the audit in file order: the first one of each rule and place, and its number of runs."""
         warnings_by_place: dict[tuple[str, Location], list[AuditWarning]] = {}
@@ -168,7 +175,7 @@ class ScenarioGroup:
 
     def warning_text(self, warning: AuditWarning, runs: int) -> str:
         """Return a warning as text, with the number of variations if it is not of all, or of the runs of a gate."""
-        if self.gate is not None or self.is_part:
+        if self.is_gate:
             return f"{warning} (in {runs} of {counted(len(self.outcomes), 'run')})"
         share = f" (in {runs} of {len(self.outcomes)} variations)" if runs < len(self.outcomes) else ""
         return f"{warning}{share}"

@@ -65,11 +65,10 @@ class _Printer:
     def group(self, group: ScenarioGroup) -> None:
         """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""
         file = "".join(f"  {part}" for part in (group.location, group.engines) if part)
-        if group.gate is not None or group.is_part:
+        if group.is_gate:
             self._gate(group, file)
         elif group.varies:
-            worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
-            self._heading(STATUS_DISPLAYS[group.status], group.name, file, f"  {group.passed}{worst}")
+            self._heading(STATUS_DISPLAYS[group.status], group.name, file, _after(group.variations_text))
             self._variations(group)
             self._warnings(group)
         else:
@@ -179,14 +178,8 @@ class _Printer:
         of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
         taken_over = self._options.taken_over
-        # The simulations of the earlier call took time, too.
-        fast = (
-            f" ({formatting.speed_text(results.real_time_factor)})"
-            if results.real_time_factor and not taken_over
-            else ""
-        )
         part = f"; {formatting.shard_text(results.shard)}" if results.shard else ""
-        took = f" in {results.wall_time:.1f} s{fast}{part}"
+        took = f" in {formatting.took_text(results, taken_over)}{part}"
         self._line("", (formatting.counts_text(results), STATUS_DISPLAYS[worst].style), (took, ""))
         if taken_over is not None:
             self._line("", (formatting.taken_over_text(taken_over, results), ""))

@@ -69,7 +69,7 @@ def print_annotations(all_annotations: Sequence[Annotation], options: ReportOpti
 
 
 def _of_group(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
-    if group.gate is not None or group.is_part:
+    if group.is_gate:
         return _of_gate(group, options)
     if group.varies:
         return _of_variations(group, options)

@@ -80,21 +80,18 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
         folded(f"Measurements of passed {measured} ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
         if len(sections) > unfolded
         else "",
-        _unshown_scenarios(len(groups) - len(sections)),
+        left_out_note(len(groups), len(sections), "scenario", _SIZE),
     ]
     return paragraphs(*parts) + "\n\n"
 
 
 def _counts(results: Results, taken_over: int | None) -> str:
-    # The simulations of the earlier call took time, too.
-    speed = (
-        f" ({formatting.speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
-    )
     versions = (f"sim-action {results.sim_action}", f"Python {results.python}", results.platform)
     version = " · ".join(map(markdown_text, versions))
     part = f" · {formatting.shard_text(results.shard)}" if results.shard else ""
+    took = formatting.took_text(results, taken_over)
     earlier = "" if taken_over is None else f" · {formatting.taken_over_text(taken_over, results)}"
-    return f"**{formatting.counts_text(results)}** in {results.wall_time:.1f} s{speed}{part}{earlier} · {version}"
+    return f"**{formatting.counts_text(results)}** in {took}{part}{earlier} · {version}"
 
 
 def _overview(groups: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
@@ -105,9 +102,7 @@ def _overview(groups: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:
     yield markdown_rows(_OVERVIEW, rows[:unfolded])
     if rows[unfolded:]:
         yield folded(f"{counted(len(rows) - unfolded, 'scenario')} passed", markdown_rows(_OVERVIEW, rows[unfolded:]))
-    if len(groups) > len(rows):
-        left = len(groups) - len(rows)
-        yield f"_{counted(left, 'more scenario')} {'is' if left == 1 else 'are'} not shown in this table._"
+    yield left_out_note(len(groups), len(rows), "scenario", " in this table")
 
 
 _OVERVIEW: Final = Table("Scenario", (), (" Sim time", " Speed"), message="Result")
@@ -119,13 +114,7 @@ def _overview_row(group: ScenarioGroup) -> Row:
     return Row(group.row_status, group.name, _group_gist(group), values, location=group.location, stands_out=True)
 
 
-def _unshown_scenarios(count: int) -> str:
-    if not count:
-        return ""
-    left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} not shown"
-    return f"_{left} because GitHub limits the size; `results.json` contains all of them._"
-
-
+_SIZE: Final = " because GitHub limits the size; `results.json` contains all of them"
 _MAX_ROWS: Final = 100
 _MAX_FAILURES: Final = 20
 _MAX_IN_BLOCK: Final = 4_000
@@ -135,7 +124,7 @@ _MAX_CHARTS: Final = 2
 
 def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bool = False) -> str:
     """Return the section of one scenario with folded details; `drawn`: with charts of failed expectations."""
-    if group.gate is not None or group.is_part:
+    if group.is_gate:
         worst = [_outcome_section(run, options, drawn=drawn) for run in group.not_passed[:1]]
         return paragraphs(gate_section(group, options), *(folded("The worst run", section) for section in worst))
     return _varied(group, options, drawn=drawn) if group.varies else _outcome_section(group.worst, options, drawn=drawn)
@@ -143,18 +132,13 @@ def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bo
 
 def _group_gist(group: ScenarioGroup) -> str:
     """Return the most important fact about a scenario."""
-    if group.gate is not None or group.is_part:
+    if group.is_gate:
         return group.ending
     if not group.varies:
         return _gist(group.worst)
     if group.status == "passed":
-        return _variations_headline(group)
+        return group.variations_text
     return f"{group.passed}; worst: {group.values(group.worst)} {_gist(group.worst)}"
-
-
-def _variations_headline(group: ScenarioGroup) -> str:
-    worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
-    return f"{group.passed}{worst}"
 
 
 def _total_sim_time(group: ScenarioGroup) -> float | None:
@@ -174,7 +158,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
     table = Table("Variation", bad, (" Sim time",), message="Result", rest=good, rest_title=passed)
     parts = [
-        f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(f'{group.name}: {_variations_headline(group)}')}",
+        f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(f'{group.name}: {group.variations_text}')}",
         dotted(source_link(options, group.location), markdown_text(group.engines)),
         markdown_table(table),
         left_out_note(len(ordered), len(bad) + len(good), "variation"),
@@ -235,7 +219,7 @@ def _gist(outcome: Outcome) -> str:
 
 
 def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
-    simulated = f"{formatting.moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
+    simulated = formatting.simulated_text(outcome)
     ended = markdown_text(f"ended by: {outcome.end}") if outcome.end else ""
     engine = markdown_text(outcome.engine or "")
     speed = formatting.speed_text(outcome.real_time_factor)

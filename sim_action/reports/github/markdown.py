@@ -104,8 +104,8 @@ def message_text(text: str) -> str:
     return markdown_text(shortened(text, MAX_IN_MESSAGE))
 
 
-def left_out_note(total: int, most: int, what: str) -> str:
-    """Return the number of entries that are not shown as Markdown; empty if all are."""
+def left_out_note(total: int, most: int, what: str, ending: str = "") -> str:
+    """Return the number of entries that are not shown as Markdown; empty if all are. `ending`: where, or why."""
     if total <= most:
         return ""
-    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} not shown._"
+    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} not shown{ending}._"

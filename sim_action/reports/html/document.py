@@ -247,6 +247,11 @@ def joined(*parts: str) -> Html:
     return Html("\n".join([part if isinstance(part, Html) else text(part) for part in parts if part]))
 
 
+def dotted(parts: Iterable[str]) -> Html:
+    """Join facts on one line by dots, and omit empty ones."""
+    return Html(" · ".join(element("span", part) for part in parts if part))
+
+
 def titled(title: str, *parts: str) -> Html:
     """Return parts below a heading; empty if there is no part."""
     return joined(element("h3", title), *parts) if any(parts) else Html("")
@@ -338,8 +343,8 @@ def _unfolded(shown: Table, rows: Iterable[Row], options: ReportOptions | None, 
 def _row(shown: Table, row: Row, options: ReportOptions | None) -> Iterator[Html]:
     """Yield a row of a table, and one with the table below it."""
     place = "" if options is None else source(row.location, options)
-    about = [element("span", part) for part in (place, *row.notes) if part]
-    small = (" ", element("small", Html(" · ".join(about)), class_="faint")) if about else ()
+    about = dotted((place, *row.notes))
+    small = (" ", element("small", about, class_="faint")) if about else ()
     name = element("a", row.name, href=f"#{row.link}") if row.link else element("span", row.name)
     message = element("td", row.message, class_="finding", data_title=shown.message) if shown.message else ""
     values = zip(shown.columns, shown.values_of(row), strict=True)
@@ -479,6 +484,11 @@ class ReplayBlocks:
     def shared(self) -> str:
         """The packed meshes by digest."""
         return _packed_meshes(self.meshes)
+
+    @property
+    def carried(self) -> dict[str, str]:
+        """Element id -> packed replay, and the meshes if there are any."""
+        return self.blocks | ({"meshes": self.shared} if self.meshes else {})
 
 
 def _packed_meshes(meshes: Mapping[str, MeshData]) -> str:

@@ -18,6 +18,7 @@ from sim_action.reports.formatting import first_reason, moment, quantity
 from sim_action.reports.html.document import (
     Html,
     article,
+    dotted,
     element,
     faint,
     heading,
@@ -85,7 +86,7 @@ def variations_article(group: ScenarioGroup, place: GroupPlace, options: ReportO
 
 def _origin_line(group: ScenarioGroup, options: ReportOptions) -> Html:
     parts = [source(group.location, options), counted(len(group.outcomes), "run"), group.engines]
-    return faint(Html(" · ".join(element("span", part) for part in parts if part)))
+    return faint(dotted(parts))
 
 
 def _counts(statistics: GateStatistics) -> Html:
@@ -223,7 +224,7 @@ def runs_table(
         if id(run) in ids
     )
     titles = (*(column.label for column in columns), "Nearest limit", "Margin", *titles)
-    noun = "variation" if group.gate is None and not group.is_part else "run"
+    noun = "run" if group.is_gate else "variation"
     title = counted(len(rows) - unfolded, "more run") if unfolded else counted(len(group.outcomes), noun)
     return Table("Run", rows[:unfolded], titles, rest=rows[unfolded:], rest_title=title)
 

@@ -14,7 +14,7 @@ from sim_action.core.wording import counted
 from sim_action.recording.replay.replay_data import Replay, ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import moment
+from sim_action.reports.formatting import simulated_text
 from sim_action.reports.html.document import (
     Html,
     Page,
@@ -119,7 +119,7 @@ def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOpti
         bool(proof.useless),
         [encoded("\n".join(body))],
         page_json({"scenarios": index}),
-        drawer.blocks.blocks | ({"meshes": drawer.blocks.shared} if drawer.blocks.meshes else {}),
+        drawer.blocks.carried,
         has_replays=bool(drawer.blocks.blocks),
     )
 
@@ -260,8 +260,7 @@ def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
 def _survivor_article(entry: PageEntry, result: MutantResult, original: PageEntry, still: Html) -> Html:
     """Return the article of a survivor; the run without a mutant is a ghost in its player."""
     about = element("p", "A mutant of ", element("a", original.name, href=f"#{original.identity}"), class_="faint")
-    outcome = entry.outcome
-    ends = f"{moment(outcome.sim_time)} simulated" if outcome is not None and outcome.sim_time is not None else ""
+    ends = "" if entry.outcome is None else simulated_text(entry.outcome)
     status = element("p", "Nothing noticed this", class_="status inconclusive")
     body = (
         reasons([reason("inconclusive", Html(""), survivor_text(result), _suggestion(result.suggestion, [result]))]),

@@ -15,7 +15,7 @@ from sim_action.core.files import whole_file
 from sim_action.recording.replay.replay_data import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import counts_text, run_headline, shard_text, speed_text
+from sim_action.reports.formatting import counts_text, run_headline, shard_text, took_text
 from sim_action.reports.html.document import (
     Html,
     Page,
@@ -75,7 +75,6 @@ def page(results: Results, options: ReportOptions) -> Page:
 
         parts = chain([encoded(suite_article(plan, looks, ghosts.changes))], parts)
     body = chain([encoded(head)], _lines(parts), [b"</main></div>"])
-    shared = {"meshes": blocks.shared} if blocks.meshes else {}
     title = f"{run_headline(results)[1]} · sim-action"
     index = page_json(
         {
@@ -84,7 +83,7 @@ def page(results: Results, options: ReportOptions) -> Page:
             ]
         }
     )
-    carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
+    carried = blocks.carried | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
 
 
@@ -207,8 +206,7 @@ def _moment(time: float | None) -> float | None:
 
 def page_head(results: Results, base: Base | None = None) -> Html:
     """Return the head of the page: headline, counts, speed and version, and the changes since an earlier run."""
-    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
-    facts = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
+    facts = [f"{counts_text(results)} in {took_text(results)}"]
     facts += [shard_text(results.shard)] if results.shard else []
     facts += [f"sim-action {results.sim_action}"]
     worst = next((outcome.status for outcome in results.worst_first()), None)

@@ -15,11 +15,12 @@ from sim_action.recording.replay.sightings import BlindData, ObstacleData, Sight
 from sim_action.reports import ReportOptions
 from sim_action.reports.display import INFORMATION, STATUS_DISPLAYS
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import moment, run_facts, speed_text, timeline, user_output
+from sim_action.reports.formatting import moment, run_facts, simulated_text, speed_text, timeline, user_output
 from sim_action.reports.html.document import (
     Html,
     article,
     bullets,
+    dotted,
     element,
     faint,
     heading,
@@ -100,9 +101,8 @@ def _gate_line(outcome: Outcome, gate: str) -> Html:
 
 def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the line with the place in the scenario file, sim time, speed and engine."""
-    simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
-    parts = (source(outcome.location, options), simulated, speed_text(outcome.real_time_factor), outcome.engine or "")
-    return Html(" · ".join(element("span", part) for part in parts if part))
+    speed = speed_text(outcome.real_time_factor)
+    return dotted((source(outcome.location, options), simulated_text(outcome), speed, outcome.engine or ""))
 
 
 def drawn(replay: Replay, outcome: Outcome, outlines: SceneOutlines) -> Html:

@@ -55,7 +55,7 @@ def suite_article(plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping
         element(
             "li",
             element("span", STATUS_DISPLAYS[status].symbol, class_=f"mark {status}", aria_hidden="true"),
-            f" {_count_text(status, counts[status])}",
+            f" {STATUS_DISPLAYS[status].counted(counts[status])}",
             data_status=status,
         )
         for status in WORST_FIRST
@@ -77,13 +77,8 @@ _LEGEND: Final = (
 )
 
 
-def _count_text(status: DisplayStatus, count: int) -> str:
-    plural = "s" if count > 1 and status in ("error", "warned") else ""
-    return f"{count} {STATUS_DISPLAYS[status].word}{plural}"
-
-
 def _judged(group: ScenarioGroup) -> list[DisplayStatus]:
-    if group.gate is not None or group.is_part:
+    if group.is_gate:
         return [group.status]
     return [outcome.display_status for outcome in group.outcomes]
 
@@ -120,9 +115,9 @@ class _Suite:
         judged = [group.gate] if group.gate is not None else runs
         changes = [self._changes[id(run)] for run in judged if id(run) in self._changes]
         change = min(changes, key=_change_rank, default=None)
-        is_gate = group.gate is not None or group.is_part
-        message, margin = (shortened(one_line(group.ending), _MAX_MESSAGE), "") if is_gate else nearest_limit(shown)
-        counts = group.gate_text if is_gate else group.passed
+        ending = (shortened(one_line(group.ending), _MAX_MESSAGE), "")
+        message, margin = ending if group.is_gate else nearest_limit(shown)
+        counts = group.gate_text if group.is_gate else group.passed
         notes = (
             f"gate: {group.rate_text}" if group.rate_text else counts if group.varies else "",
             one_line(shown.file),
@@ -137,7 +132,7 @@ class _Suite:
             link=place or self._plan.ids[id(shown)],
             below=self._runs(group) if group.varies and runs else None,
             data={
-                "status": None if group.varies and not is_gate else group.status,
+                "status": None if group.varies and not group.is_gate else group.status,
                 "margin": sort_margin(shown),
                 "sim": _rounded(_sim_time(group.outcomes)),
                 "wall": _rounded(_wall_time(group.outcomes)),
@@ -227,7 +222,7 @@ def alike(
 def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[_Failed]:
     """Yield each failed run that counts by itself, with the expectation that failed first."""
     for group in groups:
-        if group.gate is not None or group.is_part:
+        if group.is_gate:
             continue
         for outcome in group.outcomes:
             failed = [expected for expected in outcome.expectations if expected.failed and not expected.verdict.cut_off]
