@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -31,6 +32,7 @@ from sim_action.reports.table import Row, Table
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.results.results_json import RESULTS_FILE
 from sim_action.results.shard_results import EarlierRun, read_run
+from sim_action.results.weaker_checks import paired_expectations
 
 HISTORY_FILE: Final = "history.html"
 _GOOD: Final = ("passed", "warned")
@@ -49,13 +51,14 @@ class Point:
     message: str  # the sentence of the verdict, or the reason why there is none
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class History:
-    """An expectation of a scenario in all runs that have it, the oldest first."""
+    """An expectation of a scenario in all runs that have it, the oldest first; `is_stated`: the newest one has it."""
 
     scenario: str
     expectation: str
-    points: tuple[Point, ...]
+    points: list[Point]
+    is_stated: bool = True
 
     @property
     def judged(self) -> tuple[Point, ...]:
@@ -66,7 +69,7 @@ class History:
     def broken(self) -> tuple[Point | None, Point] | None:
         """The last point that was good, if any, and the first of the bad ones since; None: it is not broken now."""
         bad: Point | None = None
-        for point in reversed(self.judged):
+        for point in reversed(self.judged if self.is_stated else ()):
             if point.status in _GOOD:
                 return (point, bad) if bad is not None else None
             bad = point
@@ -87,31 +90,48 @@ def read_runs(places: Sequence[str]) -> list[EarlierRun]:
 
 
 def histories(runs: Sequence[EarlierRun]) -> list[History]:
-    """Return the expectations of all scenarios, the currently broken ones first."""
-    points: dict[tuple[str, str], dict[str, list[Point]]] = {}
+    """Return the expectations of all scenarios, the currently broken ones first; another limit is the same one."""
+    scenarios: dict[tuple[str, str], _Scenario] = {}
     for number, run in enumerate(runs):
         for outcome in (candidate for candidate in run.outcomes if not candidate.is_sample):
-            by_name = points.setdefault((compared_name(outcome.file), outcome.name), {})
-            for name, point in _points(outcome, number, list(by_name)):
-                by_name.setdefault(name, []).append(point)
-    every = [
-        History(scenario, name, tuple(listed)) for (_, scenario), by in points.items() for name, listed in by.items()
-    ]
+            scenarios.setdefault((compared_name(outcome.file), outcome.name), _Scenario()).add(number, outcome)
+    every = [history for scenario in scenarios.values() for history in scenario.histories]
     return sorted(every, key=lambda history: history.broken is None)
 
 
-def _points(outcome: Outcome, run: int, earlier_names: Sequence[str]) -> Iterator[tuple[str, Point]]:
-    """Yield the points of one outcome; without a verdict, one for each expectation of earlier runs."""
-    seen: dict[str, int] = {}
-    for expected in outcome.expectations:
-        number = seen[expected.name] = seen.get(expected.name, 0) + 1
-        value, unit = _value(expected)
-        point = Point(run, expected.display_status, value, quantity(value, unit), expected.message)
-        yield (expected.name if number == 1 else f"{expected.name} ({number})"), point
-    if not outcome.expectations:
-        reasons_text = "; ".join(outcome.reasons) or outcome.ending
-        for name in earlier_names or ("verdict",):
-            yield name, Point(run, outcome.display_status, None, "", reasons_text)
+class _Scenario:
+    """The histories of one scenario."""
+
+    def __init__(self) -> None:
+        self.histories: list[History] = []
+        # The last outcome with expectations, and the history of each of them.
+        self._last: Outcome | None = None
+        self._stated: dict[int, History] = {}
+
+    def add(self, run: int, outcome: Outcome) -> None:
+        """Add a later outcome; without a verdict, it counts for each expectation of the last one that had some."""
+        if not outcome.expectations:
+            point = Point(run, outcome.display_status, None, "", "; ".join(outcome.reasons) or outcome.ending)
+            self._stated = self._stated or {0: self._begun(outcome, "verdict")}
+            for history in self._stated.values():
+                history.points.append(point)
+            return
+        pairs = [] if self._last is None else paired_expectations(self._last, outcome)
+        earlier = {id(now): self._stated[id(old)] for old, now in pairs}
+        for history in self.histories:
+            history.is_stated = False
+        self._last, self._stated, seen = outcome, {}, Counter[str]()
+        for expected in outcome.expectations:
+            seen[expected.name] += 1
+            name = expected.name if seen[expected.name] == 1 else f"{expected.name} ({seen[expected.name]})"
+            history = self._stated[id(expected)] = earlier.get(id(expected)) or self._begun(outcome, name)
+            history.expectation, history.is_stated = name, True
+            value, unit = _value(expected)
+            history.points.append(Point(run, expected.display_status, value, quantity(value, unit), expected.message))
+
+    def _begun(self, outcome: Outcome, name: str) -> History:
+        self.histories.append(History(outcome.name, name, []))
+        return self.histories[-1]
 
 
 def _value(expected: ExpectationOutcome) -> tuple[float | None, str]:
@@ -142,11 +162,12 @@ def _label(run: EarlierRun) -> str:
 def _sentence(history: History, labels: Sequence[str]) -> str:
     if history.broken is None:
         return "not broken"
-    good, bad_point = history.broken
+    (good, bad_point), last = history.broken, history.points[-1].run
+    left = f"; not run since {labels[last]}" if last < len(labels) - 1 else ""
     if good is None:
-        return f"never good since {labels[bad_point.run]}: {bad_point.message}"
+        return f"never good since {labels[bad_point.run]}: {bad_point.message}{left}"
     before = f" (margin {good.shown})" if good.shown else ""
-    return f"broken by {labels[bad_point.run]}: {bad_point.message}; good until {labels[good.run]}{before}"
+    return f"broken by {labels[bad_point.run]}: {bad_point.message}; good until {labels[good.run]}{before}{left}"
 
 
 def _body(every: Sequence[History], labels: Sequence[str]) -> Html:
@@ -209,6 +230,7 @@ def _chart(history: History, labels: Sequence[str]) -> Html:
     rate = f"good in {len(history.judged) - bad} of {counted(len(history.judged), 'run')}"
     between = f"margin {shown[0]} first, {shown[-1]} last; the dashed line is the limit" if shown else "no margin"
     caption = f"{rate}; {between}" if history.judged else "never judged"
+    caption = caption if history.is_stated else f"no longer stated; {caption}"
     rows = tuple(
         Row(point.status, labels[point.run], point.message, (point.shown,)) for point in reversed(history.points)
     )

@@ -37,13 +37,14 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "runs"
 
 
-def write(folder: Path, margins: Sequence[float | None]) -> Path:
+def write(folder: Path, margins: Sequence[float | Outcome | None]) -> Path:
     """Results of runs, whose folders have another order than their starts."""
     for number, margin in enumerate(margins):
         place = folder / f"{9 - number}"
         place.mkdir(parents=True)
         started = START + timedelta(days=number)
-        results = results_of(outcome(margin)).model_copy(update={"started_at": started, "commit": f"{number}" * 40})
+        run = margin if isinstance(margin, Outcome) else outcome(margin)
+        results = results_of(run).model_copy(update={"started_at": started, "commit": f"{number}" * 40})
         results.write(place)
     return folder
 
@@ -117,6 +118,34 @@ def test_only_the_charts_of_broken_scenarios_are_seen_at_once(folder: Path) -> N
     assert "expectations</summary>" not in shown
     # An expectation that was cut off in each run has no rate.
     assert re.findall("(good in 0 of 1 run|never judged)", shown) == ["good in 0 of 1 run", "never judged"]
+
+
+@pytest.mark.parametrize(
+    ("names", "broken"),
+    [
+        # A new limit gives a default name another number.
+        ([["at most 1 m", "b"], ["at most 2 m", "b"]], []),
+        ([["at most 1 m", "b"], ["b"]], []),
+        ([["at most 1 m", "b"], []], ["at most 1 m", "b"]),
+        ([[], ["at most 1 m", "b"]], []),
+        ([["at most 1 m", "b"], ["at most 2 m", "b"], []], ["at most 2 m", "b"]),
+    ],
+)
+def test_an_expectation_that_is_not_stated_any_more_is_not_broken(
+    names: list[list[str]], broken: list[str], folder: Path
+) -> None:
+    days = [outcome(1.0 if day else -1.0) for day in range(len(names))]
+    lists = [
+        tuple(like(one.expectations[0], name=name) for name in listed) for one, listed in zip(days, names, strict=True)
+    ]
+    runs = [like(one, expectations=listed) if listed else CRASHED for one, listed in zip(days, lists, strict=True)]
+    every = histories(read_runs([str(write(folder, runs))]))
+    assert [history.expectation for history in every if history.broken] == broken
+
+
+def test_a_broken_scenario_that_did_not_run_again_says_so(folder: Path) -> None:
+    [line] = write_history(read_runs([str(write(folder, [-0.1, like(PASSED, name="other")]))]), folder)
+    assert line.endswith("came to -0.1 m; not run since 0000000 (2026-11-01)")
 
 
 def _made(place: Path) -> Path:
