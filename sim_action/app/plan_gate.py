@@ -86,7 +86,9 @@ def _earlier(folder: Path) -> Sequence[Outcome]:
 
 def _duration(gate: PlannedGate, earlier: Sequence[Outcome], jobs: int) -> Duration:
     file = compared_name(gate.file)
-    times = [run.wall_time for run in earlier if run.group == gate.group and compared_name(run.file) == file]
+    ran = (run for run in earlier if run.group == gate.group and compared_name(run.file) == file)
+    # A run that an early stop left out took no time.
+    times = [run.wall_time for run in ran if run.status != "skipped"]
     mean = sum(times) / len(times) if times else 0.0
     return lambda runs: _time_text(runs * mean / min(jobs, max(runs, 1))) if mean else ""
 
