@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
@@ -63,6 +65,25 @@ def read_world(path: Path) -> WorldFile:
 
 def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, ...]]:
     """Return a body and its losses, from the SDF of a model that nodes spawn. Raises BadWorld."""
+    read = _spawned(name, description, pose, lambda _: False)
+    bodies = read.world.objects
+    if len(bodies) != 1:
+        raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
+    losses = (loss for loss in read.losses if not loss.is_remark)
+    return bodies[0].model_copy(update={"name": name}), tuple(losses)
+
+
+def flat_robot(root: Element, description: str) -> Element:
+    """Return a URDF as it is, and an SDF that nodes spawn with the plugins and links of all models in it."""
+    # The reader of models has the message about an SDF that cannot be read.
+    with suppress(BadWorld):
+        if root.tag != "robot" and (robot := _spawned("robot", description, Pose(), lambda _: True).robot) is not None:
+            return robot.entry.flat_model
+    return root
+
+
+def _spawned(name: str, description: str, pose: Pose, is_robot: Callable[[Entry], bool]) -> WorldFile:
+    """Return a world with a model that nodes spawn. Raises BadWorld."""
     document = _read(Path("spawned"), description.encode())
     model = document.root if document.root.tag == "model" else document.root.find("model")
     if model is None:
@@ -77,12 +98,7 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     root = ET.Element("sdf", version=document.root.get("version", "1.6"))
     root.append(world)
     places = {**document.places, **dict.fromkeys((at, world, root), document.places[model])}
-    read = _converted(Path("spawned"), ModelDocument(root, places), lambda _: False)
-    bodies = read.world.objects
-    if len(bodies) != 1:
-        raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
-    losses = (loss for loss in read.losses if not loss.is_remark)
-    return bodies[0].model_copy(update={"name": name}), tuple(losses)
+    return _converted(Path("spawned"), ModelDocument(root, places), is_robot)
 
 
 def _drives(model: Entry) -> bool:

@@ -10,7 +10,8 @@ import pytest
 
 from sim_action.core.geometry import Pose, compose
 from sim_action.ros.ros1.gazebo_plugins import plugins_of
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, read_world
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, flat_robot, read_world
+from sim_action.ros.ros1.node.world_models import description_of
 from sim_action.world import World, placed
 from sim_action.world.parts import CylinderPart
 from sim_action.world.world_files import WorldFile
@@ -231,5 +232,7 @@ def test_plugins_of_models_in_a_robot_are_its_own(tmp_path: Path) -> None:
     add_model(tmp_path, "laser", LASER)
     robot = file_of(tmp_path, SCOUT).robot
     assert robot is not None
-    plugins = [(plugin.name, plugin.link) for plugin in plugins_of(robot.entry.flat_model)]
-    assert plugins == [("gazebo_ros_diff_drive", ""), ("unknown", ""), ("gazebo_ros_laser", "front::eye")]
+    spawned = f'<sdf version="1.6">{SCOUT}</sdf>'
+    for root in (robot.entry.flat_model, flat_robot(description_of(spawned), spawned)):
+        plugins = [(plugin.name, plugin.link) for plugin in plugins_of(root)]
+        assert plugins == [("gazebo_ros_diff_drive", ""), ("unknown", ""), ("gazebo_ros_laser", "front::eye")]

@@ -40,7 +40,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.kinematics import LinkStates
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.ros.robot_topics import in_frame_of
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of, flat_robot
 from sim_action.ros.ros1.node.message_classes import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.world_models import (
     Alter,
@@ -117,7 +117,7 @@ class GazeboServices:
             if is_robot(root):
                 if models.robot is not None:
                     raise ValueError(f"only one robot is supported, and '{models.robot.name}' already exists")
-                number, space = next(self._numbers), request.robot_namespace
+                number, space, root = next(self._numbers), request.robot_namespace, flat_robot(root, text)
                 return replace(models, robot=SpawnedRobot(name, root, pose, space=space, text=text, number=number))
             try:
                 body, losses = body_of(name, text, pose)
