@@ -130,7 +130,8 @@ class ScriptCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
         path = scene.workspace.file(self.script)
-        seed = int(scene.generator(self.code).integers(1 << 63)) if scene.namesake else scene.seed
+        is_first = not (scene.namesake or scene.owner)
+        seed = scene.seed if is_first else int(scene.generator(self.code).integers(1 << 63))
         random.seed(seed)
         # numpy's seed is a list of 32-bit words.
         np.random.seed([seed & _WORD, seed >> 32])

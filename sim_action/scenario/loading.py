@@ -177,7 +177,7 @@ def _with_actors(scene: Scene, scenario: Scenario, source: Source, models: Mappi
     robots = {EGO: scene, **actors}
     for own, seen in actors.items():
         others = {name: robot for name, robot in robots.items() if name != own}
-        actors[own] = replace(seen, actors=others, shared=scene.shared)
+        actors[own] = replace(seen, actors=others, shared=scene.shared, owner=own)
     return replace(scene, actors=actors)
 
 

@@ -67,6 +67,7 @@ class Scene:
     sensors: tuple[Fitting, ...] = ()  # of the scenario
     # number of a command source among all sources that run the same code; each draws its own random numbers
     namesake: int = 0
+    owner: str = ""  # name of another robot whose scene this is; it draws its own random numbers, too
     file: str = ""  # path of the scenario, as in reports
     variation: str = ""  # suffix that distinguishes this variation in file names; or empty
     acted_on: bool = False  # True if commands or disturbances act on the robot
@@ -230,4 +231,5 @@ class Scene:
     def generator(self, purpose: str) -> Generator:
         """Return a random generator for one purpose, independent of all others."""
         purpose = f"{purpose} ({self.namesake + 1})" if self.namesake else purpose
+        purpose = f"{self.owner}: {purpose}" if self.owner else purpose
         return np.random.default_rng((self.seed, zlib.crc32(purpose.encode())))
