@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 from weakref import ref
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
 from sim_action.robot.model.joint_selection import matches_name
-from sim_action.state.observation import Contact, PresentContacts
+from sim_action.state.observation import Clash, Contact, Overlap, PresentContacts
 from sim_action.state.trace_records import ALWAYS, BodyRecord, Channels, ContactRecord, LinkTouch, frame_stride
 from sim_action.world import Body, World, path_of
 from sim_action.world.parts import reach
@@ -41,6 +41,19 @@ class Nearest(NamedTuple):
 
 NearestPoints = Callable[[str, Collection[str]], dict[str, Nearest]]
 """(body, links) -> link -> the nearest point, in the present state. Links without shapes are missing."""
+
+
+AnyTouch = TypeVar("AnyTouch", Overlap, Clash)
+
+
+def deepest(touches: Iterable[AnyTouch]) -> tuple[AnyTouch, ...]:
+    """Return the deepest touch of each pair of names that overlaps."""
+    kept: dict[tuple[str, str], AnyTouch] = {}
+    for touch in touches:
+        first, second, depth = touch
+        if depth > (kept[first, second].depth if (first, second) in kept else 0.0):
+            kept[first, second] = touch
+    return tuple(kept.values())
 
 
 def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints) -> PathContacts | None:

@@ -49,7 +49,7 @@ def refuse_bad_start(
     that begin inside others all the same.
     """
     inside = _problems(scene, overlaps)
-    conflicts = Clashes.of(scene.world, _of_free(scene, clashes), scene.places.bodies, allowed)
+    conflicts = Clashes.of(scene.world, clashes, scene.places.bodies, allowed)
     problems = [*inside, *_buried(scene, at), *conflicts.problems()]
     elsewhere = list(conflicts.problems_of_file())
     if (place := scene.places.robot) is not None:
@@ -58,15 +58,6 @@ def refuse_bad_start(
     if problems or elsewhere:
         raise BadStart(problems, elsewhere)
     return tuple(conflicts.notes())
-
-
-def _of_free(scene: Scene, clashes: Iterable[Clash]) -> Iterator[Clash]:
-    """Yield all clashes except clashes of a robot that is fixed to the world with other fixed bodies."""
-    fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
-    bolted = {name for name, actor in scene.actors.items() if actor.bolted}
-    for clash in clashes:
-        if not (clash.body in bolted and clash.other in fixed):
-            yield clash
 
 
 def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engine, tuple[str, ...]]:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario, MissedContact
+from sim_action.core.errors import BadStart, InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
 from sim_action.engines.observers import MIN_OVERLAP_M
 from sim_action.robot.model.robot_spec import Robot
@@ -226,3 +226,20 @@ def test_a_thin_body_that_jumps_past_a_thin_link_is_an_error(engine: str, tmp_pa
     fast = {**plate, "path": ({"at": 0, "x": 1.01}, {"at": 0.02, "x": -0.91})}
     with pytest.raises(MissedContact, match=r"link '(column|base)' passed through body 'plate' without a contact"):
         judged(tmp_path, engine, "no_collision", fast, physics={"rate": 240, "max_speed": 1000})
+
+
+@on_every_engine
+def test_only_links_that_can_move_may_not_start_in_what_is_fixed(engine: str, tmp_path: Path) -> None:
+    """The robot under test and another one alike: where neither side gives way, nothing is thrown out."""
+    (tmp_path / "robot.urdf").write_text(ARM.format(inertial=INERTIAL, base=BASE))
+    bolted = {"model": "robot.urdf", "base": "fixed", "pose": {"x": 2}}
+    table = {"name": "table", "box": (1, 1, 0.3), "pose": {"x": 2}}
+    beam = {"name": "beam", "box": (0.1, 0.1, 0.1), "pose": {"x": 2, "z": 0.75}}
+    others = {"robot": {"model": "turtlebot3_burger"}, "actors": [{"name": "arm", **bolted}]}
+    for keys in ({"robot": bolted, "actors": []}, others):
+        scenario = {"name": "s", "backend": engine, "robot": keys["robot"], "expect": ["upright"], "duration": 0.1}
+        timed = {**scenario, "time_limit": 1, "allow": ["fixed-base"]}
+        run = simulated(tmp_path, {**timed, "world": {"objects": [table], "actors": keys["actors"]}})
+        assert [note for note in run.notes if "overlapped" in note] == []
+        with pytest.raises(BadStart, match=r"(link 'upper' starts|'arm' begins) 0.\d+ m (inside|deep in) 'beam'"):
+            simulated(tmp_path, {**timed, "world": {"objects": [beam], "actors": keys["actors"]}})

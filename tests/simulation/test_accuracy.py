@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from sim_action import robot as models
 from sim_action.core import geometry
+from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise
 from sim_action.robot.model.robot_model import Link, RobotModel, Surface
@@ -40,9 +41,10 @@ WORLD = World(
 
 
 def notes(*touches: Overlap | Clash, base: Literal["free", "fixed"] = "free") -> list[str]:
+    """The notes of a run in which another robot, `arm`, is as the robot under test."""
     robot = Robot.model_construct(model="robot.urdf", base=base)
     scene = Scene(robot, MODEL, WORLD, Physics(), Workspace(FOLDER, FOLDER), acted_on=True)
-    watch = AccuracyWatch(scene, springs=links_with_springs(MODEL))
+    watch = AccuracyWatch(replace(scene, actors={"arm": scene}), springs=links_with_springs(MODEL))
     for touch in touches:
         watch.judged(trace([1.5]), [touch])
     return list(watch.notes(1.5))
@@ -68,7 +70,8 @@ def test_unequal_masses_are_noted_once_per_pair_of_bodies() -> None:
     assert len(notes(Clash("safe", "crate", 0.0), Clash("crate", "safe", 0.0))) == 1
     assert len(notes(Clash("safe", "crate", 0.0), Clash("can", "safe", 0.0), Overlap("wheel", "can", 0.0))) == 3
     # A fixed base has no mass.
-    assert notes(Overlap("base", "can", 0.0), base="fixed") == []
+    for touch in (Overlap("base", "can", 0.0), Clash("can", "arm", 0.0)):
+        assert [len(notes(touch)), len(notes(touch, base="fixed"))] == [1, 0]
 
 
 @pytest.mark.parametrize(

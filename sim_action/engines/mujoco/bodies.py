@@ -26,7 +26,7 @@ from sim_action.core.lazy_numpy import FloatArray
 from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.scene import CompiledScene
-from sim_action.engines.observers import Nearest, ReadPoses
+from sim_action.engines.observers import Nearest, ReadPoses, deepest
 from sim_action.state.command import BasePush
 from sim_action.state.observation import Clash, Contact, Overlap
 from sim_action.state.trace_records import LinkTouch
@@ -358,31 +358,29 @@ class Contacts:
                 continue
             if link in self._links:
                 yield Overlap(self._links[link], self._bodies[body], -distance)
-            elif self._bodies[link] != self._bodies[body]:
+            elif self._bodies[link] != self._bodies[body] and (self._moves(link) or self._moves(body)):
                 yield Clash(self._bodies[link], self._bodies[body], -distance)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """Return the links that now overlap bodies or the ground."""
-        deepest: dict[tuple[str, str], float] = {}
-        for one, other, depth in self._present():
-            link, body = (one, other) if one in self._links else (other, one)
-            if link in self._links and body not in self._links:
-                pair = self._links[link], self._bodies[body]
-                deepest[pair] = max(deepest.get(pair, 0.0), depth)
-        return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)
+        links = self._links
+        pairs = ((one, other, depth) if one in links else (other, one, depth) for one, other, depth in self._present())
+        met = ((link, body, depth) for link, body, depth in pairs if link in links and body not in links)
+        return deepest(Overlap(links[link], self._bodies[body], depth) for link, body, depth in met)
 
     def clashes(self) -> tuple[Clash, ...]:
         """Return the bodies with a mass that now overlap others."""
-        deepest: dict[tuple[str, str], float] = {}
-        for one, other, depth in self._present():
-            if one not in self._links and other not in self._links and self._bodies[one] != self._bodies[other]:
-                body, fixed = (one, other) if self._moves(one) else (other, one)
-                pair = self._bodies[body], self._bodies[fixed]
-                deepest[pair] = max(deepest.get(pair, 0.0), depth)
-        return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+        met = ((pair, depth) for *pair, depth in self._present() if self._links.keys().isdisjoint(pair))
+        pairs = ((sorted(pair, key=self._moves, reverse=True), depth) for pair, depth in met)
+        return deepest(
+            Clash(self._bodies[body], self._bodies[other], depth)
+            for (body, other), depth in pairs
+            if self._moves(body) and self._bodies[body] != self._bodies[other]
+        )
 
     def _moves(self, geom: int) -> bool:
-        return bool(self._model.body_dofnum[self._model.geom_bodyid[geom]])
+        # The body that carries a welded one; 0 is the world.
+        return bool(self._model.body_weldid[self._model.geom_bodyid[geom]])
 
     def _present(self) -> Iterator[tuple[int, int, float]]:
         """Yield the pairs of geoms that touch now, with their depth in m."""

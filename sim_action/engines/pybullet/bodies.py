@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,7 +20,7 @@ from typing_extensions import override
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.body_control import MAX_ATTRACTION_M, BodyControl, RobotInertia, Target, base_wrench
-from sim_action.engines.observers import Nearest, ReadPoses
+from sim_action.engines.observers import Nearest, ReadPoses, deepest
 from sim_action.engines.pybullet.loaded_bodies import BASE
 from sim_action.state.command import BasePush
 from sim_action.state.observation import Clash, Contact, Overlap
@@ -147,8 +147,14 @@ class Distances:
         return math.hypot(*(max(hi - at, at - lo) for lo, hi, at in zip(lower, upper, origin, strict=True)))
 
 
-def touching(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> Iterator[Overlap | Clash]:
-    """Yield the contacts of the last step: of the robot, and of bodies with each other."""
+Loose = Callable[[int, int], bool]
+"""Return True for the number of a body and the index of its link if that can move; the robot is no such body."""
+
+
+def touching(
+    client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str], is_loose: Loose
+) -> Iterator[Overlap | Clash]:
+    """Yield the contacts of the last step: of the robot, and of bodies of which one can move with each other."""
     for point in pybullet.getContactPoints(physicsClientId=client):
         one, other, distance = point[1], point[2], point[8]
         # Points are reported from a gap of 2 cm on.
@@ -158,32 +164,32 @@ def touching(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[
             link, body = (point[3], other) if one == robot else (point[4], one)
             if body in bodies:
                 yield Overlap(links[link], bodies[body], -distance)
-        elif one != other and one in bodies and other in bodies:
+        elif one != other and one in bodies and other in bodies and any(map(is_loose, point[1:3], point[3:5])):
             yield Clash(bodies[one], bodies[other], -distance)
 
 
 def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> tuple[Overlap, ...]:
     """Return the links of the robot that overlap bodies; each pair once."""
-    deepest: dict[tuple[str, str], float] = {}
-    for body, name in bodies.items():
-        # Contact points would belong to the last step, which may not exist yet.
-        for point in pybullet.getClosestPoints(robot, body, 0.0, physicsClientId=client):
-            pair = links[point[3]], name
-            deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
-    return tuple(Overlap(link, name, depth) for (link, name), depth in deepest.items() if depth > 0)
+    # Contact points would belong to the last step, which may not exist yet.
+    points = (
+        (point, name)
+        for body, name in bodies.items()
+        for point in pybullet.getClosestPoints(robot, body, 0.0, physicsClientId=client)
+    )
+    return deepest(Overlap(links[point[3]], name, -point[8]) for point, name in points)
 
 
-def clashes(client: int, moving: Collection[int], bodies: Mapping[int, str]) -> tuple[Clash, ...]:
+def clashes(client: int, moving: Collection[int], bodies: Mapping[int, str], is_loose: Loose) -> tuple[Clash, ...]:
     """Return the moving bodies that overlap other bodies; each pair once."""
-    deepest: dict[tuple[str, str], float] = {}
-    for number in moving:
-        for other in bodies:
-            if other == number or (other in moving and other < number):
-                continue
-            for point in pybullet.getClosestPoints(number, other, 0.0, physicsClientId=client):
-                pair = bodies[number], bodies[other]
-                deepest[pair] = max(deepest.get(pair, 0.0), -point[8])
-    return tuple(Clash(body, other, depth) for (body, other), depth in deepest.items() if depth > 0)
+    pairs = (
+        (one, other) for one in moving for other in bodies if not (other == one or (other in moving and other < one))
+    )
+    points = (point for pair in pairs for point in pybullet.getClosestPoints(*pair, 0.0, physicsClientId=client))
+    return deepest(
+        Clash(bodies[point[1]], bodies[point[2]], -point[8])
+        for point in points
+        if any(map(is_loose, point[1:3], point[3:5]))
+    )
 
 
 # Collision groups. Bullet's own (btBroadphaseProxy.h) go up to 32; every body is in one of the first two.

@@ -81,6 +81,7 @@ class PyBulletEngine(LoadedRobot, Engine):
         names |= {number: name for name, added in bodies.items() for number, _ in added}
         moving = [body.name for body in scene.world.objects if body.mass is not None]
         self._moving = {bodies[name][0][0] for name in (*moving, *actors)}
+        self._held = {place for name, actor in actors.items() for place in actor.held_links(scene.actors[name])}
         self._watches_ground = channels.ground
         self._watches_contacts = channels.contacts and (channels.ground or bool(bodies))
         notes_of_actors = (f"'{name}': {note}" for name, actor in actors.items() for note in actor.notes)
@@ -198,7 +199,7 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def touching(self) -> tuple[Overlap | Clash, ...]:
-        return tuple(touching(self._client, self._robot, self._link_names, self._body_names))
+        return tuple(touching(self._client, self._robot, self._link_names, self._body_names, self._is_loose))
 
     @override
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -206,7 +207,10 @@ class PyBulletEngine(LoadedRobot, Engine):
 
     @override
     def clashes(self) -> tuple[Clash, ...]:
-        return clashes(self._client, self._moving, self._body_names)
+        return clashes(self._client, self._moving, self._body_names, self._is_loose)
+
+    def _is_loose(self, body: int, link: int) -> bool:
+        return body in self._moving and (body, link) not in self._held
 
     @override
     def close(self) -> None:

@@ -75,6 +75,10 @@ class LoadedRobot(RobotQueries):
         """The number of the robot, and the centre of mass of its base in the frame of the link: see `add_object`."""
         return self._robot, self._states.com_in_link
 
+    def held_links(self, scene: Scene) -> Iterator[tuple[int, int]]:
+        """Yield the number of the robot and the index of each link that cannot move."""
+        return ((self._robot, self._links[link]) for link in scene.bolted_links)
+
     def meet(
         self, scene: Scene, objects: Mapping[str, Sequence[tuple[int, Pose]]], names: Mapping[int, str], *tiles: int
     ) -> None:
