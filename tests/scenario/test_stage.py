@@ -162,10 +162,11 @@ def test_nothing_moves_what_is_bolted(tmp_path: Path) -> None:
     assert found.endswith("moves the robot as a whole; give the link a 'force' for a short time")
 
 
-CRATE = """<model name="crate"><pose>2 0 0.5 0 0 0</pose><link name="l"><inertial><mass>3</mass></inertial>
+MOMENTS = "<inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>"
+CRATE = f"""<model name="crate"><pose>2 0 0.5 0 0 0</pose><link name="l"><inertial><mass>3</mass>{MOMENTS}</inertial>
 <collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model>"""
-ROVER = """<model name="rover"><pose>1 2 0.1 0 0 1</pose>
-<link name="base"><pose>0 0 0.1 0 0 0</pose><inertial><mass>2</mass></inertial>
+ROVER = f"""<model name="rover"><pose>1 2 0.1 0 0 1</pose>
+<link name="base"><pose>0 0 0.1 0 0 0</pose><inertial><mass>2</mass>{MOMENTS}</inertial>
 <collision name="c"><geometry><box><size>0.4 0.2 0.1</size></box></geometry></collision></link></model>"""
 GROUND = "<include><uri>model://ground_plane</uri></include>"
 ROBOT = "robot: {model: turtlebot3_burger}"

@@ -39,16 +39,7 @@ from sim_action.robot.reading.sdf.composition import SEPARATOR, Entry, Scope
 from sim_action.robot.reading.sdf.frames import Frames
 from sim_action.robot.reading.sdf.worlds import SdfWorld, joint_end
 from sim_action.world import Body, Inertia, MeshFile, Shape
-from sim_action.world.parts import (
-    MassProperties,
-    Part,
-    SurfacePart,
-    displaced,
-    moved,
-    symmetric,
-    turned_tensor,
-    uniform_properties,
-)
+from sim_action.world.parts import MassProperties, Part, SurfacePart, displaced, moved, symmetric, turned_tensor
 from sim_action.world.shape_files.mesh_file import read_mesh_parts
 from sim_action.world.shapes import MIN_LENGTH_M, ShapeError
 from sim_action.world.world_files.losses import LossList, lost_parts
@@ -280,6 +271,7 @@ def simplified(surface: SurfacePart) -> tuple[SurfacePart, float] | None:
 LINK_SEPARATOR: Final = "/"
 """Between the names of a model and of its link; `::` would be a command in the output of a workflow."""
 
+_DEFAULT_OF_ONE: Final = ("mass", "inertia/ixx", "inertia/iyy", "inertia/izz")  # the parts of <inertial> that are 1
 _NOTHING: Final = 1e-9  # m, and a part of a quaternion: less is rounding
 
 
@@ -298,15 +290,6 @@ class _Group:
 
     links: tuple[Entry, ...]
     fixed: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _Weight:
-    """The stated mass in kg, its centre in m, and its inertia (3, 3) about that; None: of uniform density."""
-
-    mass: float
-    centre: Vector3 | None
-    inertia: Any | None
 
 
 class BodyReader:
@@ -382,7 +365,7 @@ class BodyReader:
     def _body(self, model: Entry, name: str, group: _Group, shapes: Sequence[PlacedShape], frame: Pose) -> ReadBody:
         keys: dict[str, Any] = {"name": name, "friction": self._friction(shapes, model.name)}
         if not group.fixed:
-            keys |= self._weight(model, name, group, shapes, frame)
+            keys |= self._weight(model, name, group, frame)
         specs = [shape.seen_from(frame) for shape in shapes]
         # One shape at the frame of the body needs no list.
         if len(shapes) == 1 and _is_nothing(specs[0].pose.pose):
@@ -404,24 +387,10 @@ class BodyReader:
             self._losses.add(by_friction[min(by_friction)], f"'{owner}' has {kind}", kind=kind)
         return min(by_friction, default=MAX_FRICTION)
 
-    def _weight(
-        self, model: Entry, name: str, group: _Group, shapes: Sequence[PlacedShape], frame: Pose
-    ) -> dict[str, Any]:
+    def _weight(self, model: Entry, name: str, group: _Group, frame: Pose) -> dict[str, Any]:
         """Return the keys `mass`, `center_of_mass` and `inertia` of a body. Raises SdfProblem."""
-        weights = [self._link_weight(model, link, frame) for link in group.links]
-        total = sum(weight.mass for weight in weights)
-        if len(weights) == 1 and weights[0].centre is None and weights[0].inertia is None:
-            return {"mass": total}
-
-        lumps = []
-        for link, weight in zip(group.links, weights, strict=True):
-            parts = [part for shape in shapes if _is_of(shape, link) for part in shape.parts(frame)]
-            at = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
-            uniform = lump_of(weight.mass, parts, at.position_xyz)
-            inertia = uniform.inertia if weight.inertia is None else weight.inertia
-            lumps.append(MassProperties(weight.mass, weight.centre or uniform.centre_xyz, inertia))
-        whole = joined(lumps)
-        keys: dict[str, Any] = {"mass": total, "center_of_mass": whole.centre_xyz}
+        whole = joined([self._link_weight(model, link, frame) for link in group.links])
+        keys: dict[str, Any] = {"mass": whole.mass, "center_of_mass": whole.centre_xyz}
         try:
             moments = {moment: float(whole.inertia[place]) for moment, place in MOMENTS.items()}
             return {**keys, "inertia": Inertia.model_validate(moments)}
@@ -431,30 +400,28 @@ class BodyReader:
             self._losses.add(group.links[0].element, message, kind=kind)
             return keys
 
-    def _link_weight(self, model: Entry, link: Entry, frame: Pose) -> _Weight:
-        inertial = link.element.find("inertial")
-        if inertial is None:
-            return _Weight(1.0, None, None)
+    def _link_weight(self, model: Entry, link: Entry, frame: Pose) -> MassProperties:
+        stated = link.element.find("inertial")
+        inertial = Element("inertial") if stated is None else stated
         mass = number_of(inertial, "mass", 1.0)
         if mass <= 0:
             raise SdfProblem("bad-number", inertial, f"<mass> of '{model.name}' is {mass:g}: expected more than 0")
+        used = "SDF's defaults are used, 1 kg and 1 kg m^2"
         if flag_attribute(inertial, "auto"):
             try:
                 return self._computed_weight(model, link, inertial, frame)
             except SdfProblem as problem:
-                kind = "an <inertial auto> that cannot be computed: <mass>, or 1 kg, is used"
-                message = f"'{model.name}': {problem}; <mass>, or 1 kg, is used"
-                self._losses.add(inertial, message, kind=kind)
-                return _Weight(mass, None, None)
+                kind = f"an <inertial auto> that cannot be computed: without <mass> and <inertia>, {used}"
+                self._losses.add(inertial, f"'{model.name}': {problem}; {used}", kind=kind)
+        elif absent := [path for path in _DEFAULT_OF_ONE if inertial.find(path) is None]:
+            message = f"'{model.name}' has no {', '.join(absent)} in <inertial>: {used}, as in Gazebo"
+            self._losses.remark(link.element, message, f"a body with an incomplete <inertial>: {used}, as in Gazebo")
         at = geometry.compose(self._world.link_pose(model, link), self._in_link(link, inertial))
         own = geometry.compose(geometry.inverse(frame), at)
-        stated = inertial.find("inertia")
-        if stated is None:
-            return _Weight(mass, own.position_xyz if inertial.find("pose") is not None else None, None)
+        moments = stated_moments(inertial if (inertia := inertial.find("inertia")) is None else inertia)
+        return MassProperties(mass, own.position_xyz, stated_tensor(moments, own.orientation_xyzw))
 
-        return _Weight(mass, own.position_xyz, stated_tensor(stated_moments(stated), own.orientation_xyzw))
-
-    def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> _Weight:
+    def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> MassProperties:
         """Return the weight of <inertial auto>. Raises SdfProblem."""
         in_body = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
         collisions = [
@@ -462,7 +429,7 @@ class BodyReader:
             for holder in link.element.findall("collision")
         ]
         inertia = auto_inertia(inertial, collisions)
-        return _Weight(inertia.mass, inertia.centre_xyz, stated_tensor(inertia.moments, geometry.IDENTITY))
+        return MassProperties(inertia.mass, inertia.centre_xyz, stated_tensor(inertia.moments, geometry.IDENTITY))
 
 
 def _groups(frames: Frames, scope: Scope) -> list[_Group]:
@@ -487,22 +454,9 @@ def _groups(frames: Frames, scope: Scope) -> list[_Group]:
     return [*moving_groups, *([_Group(tuple(held), fixed=True)] if held else [])]
 
 
-def _is_of(shape: PlacedShape, link: Entry) -> bool:
-    return any(collision is shape.collision for collision in link.element.findall("collision"))
-
-
 def _is_nothing(pose: Pose) -> bool:
     x, y, z, _ = pose.orientation_xyzw
     return all(abs(part) < _NOTHING for part in (*pose.position_xyz, x, y, z))
-
-
-def lump_of(mass: float, parts: Sequence[Part], otherwise: Vector3) -> MassProperties:
-    """Return a mass of uniform density in parts; without parts, at a point."""
-    if not parts:
-        return MassProperties(mass, otherwise, np.zeros((3, 3)))
-    centre, inertia = uniform_properties(parts)
-    x, y, z = centre.tolist()
-    return MassProperties(mass, (x, y, z), mass * inertia)
 
 
 def joined(lumps: Sequence[MassProperties]) -> MassProperties:

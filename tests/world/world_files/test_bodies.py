@@ -35,7 +35,7 @@ def world_file(folder: Path, inside: str, version: str = "1.9") -> WorldFile:
 
 def read(text: str, folder: Path) -> tuple[list[Body], list[str]]:
     found = world_file(folder, text)
-    return list(found.world.objects), [loss.message for loss in found.losses]
+    return list(found.world.objects), [loss.message for loss in found.losses if not loss.is_remark]
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,24 @@ def test_a_moving_body_has_its_stated_inertia(
     assert [each.startswith(message or "") for each in lost] == [True] * (message is not None)
 
 
-AUTO = """<model name="m"><link name="l"><inertial auto="true"><density>500</density></inertial>
-<collision name="c"><pose>0 0 1 0 0 0</pose><geometry>{}</geometry></collision></link></model>"""
+def test_a_body_without_an_inertia_has_the_defaults_of_gazebo(tmp_path: Path) -> None:
+    """SDFormat: a mass or a moment that is not stated is 1, at the pose of the <inertial>, whatever the shapes are."""
+    for inertial, mass, centre, absent in (
+        ("", 1.0, (0.0, 0.0, 0.0), "mass, inertia/ixx, inertia/iyy, inertia/izz"),
+        ("<inertial><pose>0 0 2 0 0 1</pose><mass>3</mass></inertial>", 3.0, (0.0, 0.0, 2.0), "inertia/ixx, "),
+        ("<inertial><mass>3</mass><inertia><ixx>1</ixx></inertia></inertial>", 3.0, (0.0, 0.0, 0.0), "inertia/iyy, "),
+    ):
+        found = world_file(tmp_path, AUTO.replace(AUTO_INERTIAL, inertial).format("<box><size>1 2 1</size></box>"))
+        (body,), (loss,) = found.world.objects, found.losses
+        assert body.inertia is not None
+        assert [body.mass, *(body.center_of_mass or ())] == pytest.approx([mass, *centre])
+        assert np.array(body.inertia.rows) == pytest.approx(np.eye(3))
+        assert (loss.message[: 11 + len(absent)], loss.is_remark) == (f"'m' has no {absent}", True)
+
+
+AUTO_INERTIAL = '<inertial auto="true"><density>500</density></inertial>'
+AUTO = f"""<model name="m"><link name="l">{AUTO_INERTIAL}
+<collision name="c"><pose>0 0 1 0 0 0</pose><geometry>{{}}</geometry></collision></link></model>"""
 
 
 def test_an_automatic_inertia_is_that_of_the_shapes(tmp_path: Path) -> None:
@@ -228,8 +244,8 @@ def test_links_that_are_joined_are_one_body(kind: str, lost: int, tmp_path: Path
     assert (body.name, body.mass, body.pose.x) == ("m", 4, 5)
     assert body.center_of_mass == pytest.approx((0.75, 0, 1))
     assert body.inertia is not None
-    # Two cubes of 0.2 m, and their distances of 0.75 m and 0.25 m from the centre of mass.
-    assert body.inertia.izz == pytest.approx(4 * 0.04 / 6 + 0.75**2 + 3 * 0.25**2)
+    # Two links of 1 kg m^2, and their distances of 0.75 m and 0.25 m from the centre of mass.
+    assert body.inertia.izz == pytest.approx(2 + 0.75**2 + 3 * 0.25**2)
     assert losses == ["<joint> is not simulated: the links that it joins move as one body ('m')"] * lost
 
 
