@@ -22,7 +22,7 @@ from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
 from sim_action.simulation.guards import Guard, Watchdog
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import about_drive, drive_of
+from sim_action.simulation.start_checks import about_robot, drive_of
 from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.state.command import JointTargets
 from sim_action.state.timeline import TimeMark
@@ -58,7 +58,7 @@ class _Actor:
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
         self._guards: list[Guard] = [Watchdog.of(scene, robot.observe(0, contacts=False))]
-        self._about = tuple(about_drive(own, scene, drive))
+        self._about = tuple(about_robot(own, scene, drive))
         self._first = 0
         self._rows = list[JointTargets | None]()
 

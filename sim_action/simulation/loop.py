@@ -31,9 +31,9 @@ from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_r
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
     Spawns,
-    about_drive,
     about_links,
     about_model_of_drive,
+    about_robot,
     drive_of,
     fell_while_settling,
     moved_while_settling,
@@ -173,7 +173,7 @@ class _Loop:
         self._body_poses: FloatArray | None = None
         motion = seams.motion(drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None)
         self._motion, noted = motion, noted_drive(scenario, scene, drive)
-        self._notes = [*unannounced(scene.model.findings), *backend.notes, *about_drive(scenario, scene, noted)]
+        self._notes = [*unannounced(scene.model.findings), *backend.notes, *about_robot(scenario, scene, noted)]
         about_model = (*about_model_of_drive(scenario, scene, noted, motion), *about_links(scenario, scene))
         self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
         self._arrivals = Spawns.of(scenario)

@@ -22,6 +22,7 @@ from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.undercarriage import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
+from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.robot.model.robot_model import unwatched_note
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.stage import DEPTH, Clashes, paths_of
@@ -37,6 +38,7 @@ _MAX_TILT_RAD: Final = math.radians(2)
 _MAX_SINK_M: Final = 0.02
 _MIN_FALL_M: Final = 0.1  # a robot whose stated height is less above its place of rest was put down
 MAX_LIFT_M: Final = 0.1  # a robot that starts at most this deep in the ground or in fixed bodies starts on them
+_LEAST_HEIGHT_M: Final = 0.01  # a sensor that is lower above the lowest point of its robot sees along the ground
 _ON_TOP_M: Final = 0.0005  # a robot that is less deep in a body stands on it
 
 
@@ -237,12 +239,18 @@ def noted_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Drive 
     return drive
 
 
-def about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
-    """Yield notes on a drive."""
+def about_robot(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Yield notes on a drive, and on sensors that see along the ground because nothing states their place."""
     if drive is not None:
         yield ("" if scenario.robot.drive else "recognised: ") + drive.describe(scene.model, scene.world.weight)
         if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
             yield BOLTED
+    unplaced = [mounted for mounted in scenario.sensors if mounted.sensor.range_keys and mounted.link is None]
+    box = robot_box(scene.model, link_poses(scene.model, scene.joint_positions)) if unplaced else None
+    for mounted in unplaced:
+        if box is not None and mounted.pose.position_xyz[2] - box[0][2] < _LEAST_HEIGHT_M:
+            at = f"the origin of '{scene.model.root}', as low as the robot's lowest point"
+            yield f"sensor '{mounted.name}' has no link, so it is at {at}; state its link or pose"
 
 
 def about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:

@@ -61,6 +61,13 @@ def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(comman
     assert "left wheel_left_joint; right wheel_right_joint; wheel radius 0.033 m" in about
 
 
+def test_a_lidar_that_nothing_places_above_the_ground_has_a_note(tmp_path: Path) -> None:
+    sensors = "[{lidar: {}}, {name: up, lidar: {}, pose: {z: 10 cm}}, {name: on, lidar: {}, link: base_scan}]"
+    notes = run(tmp_path, f"{LEAST}sensors: {sensors}\n", installed()[0]).notes
+    note = "sensor 'lidar' has no link, so it is at the origin of 'base_footprint', as low as the robot's lowest point"
+    assert [each for each in notes if "has no link" in each] == [f"{note}; state its link or pose"]
+
+
 @pytest.mark.parametrize(
     ("sensors", "problem"),
     [
