@@ -18,6 +18,7 @@ from sim_action.results.paired_comparison import (
     RunPair,
     adjusted,
     compare_gate,
+    is_same_quantity,
     is_smaller_margin,
     moves_differently,
 )
@@ -26,7 +27,6 @@ from sim_action.results.weaker_checks import (
     Pair,
     WeakerCheck,
     claim_changes,
-    has_same_limit,
     paired_expectations,
     stricter_limits,
     surroundings_changes,
@@ -324,17 +324,12 @@ def _missed(pairs: Iterable[Pair]) -> Iterator[ExpectationOutcome]:
 
 
 def _smaller_margin(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) -> SmallerMargin | None:
-    before, now = old.verdict, new.verdict
-    if not (old.status == new.status == "passed") or now.goal or before.unit != now.unit:
+    if not (old.status == new.status == "passed" and is_same_quantity(old, new)):
         return None
-    # The margin to a new limit is another quantity, unless the user keeps the name.
-    if old.name != new.name and not has_same_limit(before, now):
+    before, now = old.verdict.margin or 0.0, new.verdict.margin or 0.0
+    if not is_smaller_margin(before, now, [(old, new)], threshold):
         return None
-    if before.margin is None or now.margin is None:
-        return None
-    if not is_smaller_margin(before.margin, now.margin, [(old, new)], threshold):
-        return None
-    return SmallerMargin(new.name, now.unit, before.margin, now.margin, _share(old), _share(new))
+    return SmallerMargin(new.name, new.verdict.unit, before, now, _share(old), _share(new))
 
 
 def _share(expected: ExpectationOutcome) -> float | None:

@@ -213,7 +213,7 @@ def _margin_losses(pairs: Iterable[tuple[Outcome, Outcome]], threshold: float) -
     for old, new in pairs:
         places = {id(expected): place for place, expected in enumerate(new.expectations)}
         for one, now in paired_expectations(old, new):
-            if _is_same_quantity(one, now):
+            if is_same_quantity(one, now):
                 by_place.setdefault((places[id(now)], now.assertion, now.verdict.unit), []).append((one, now))
     compared = [several for several in by_place.values() if len(several) >= MIN_PAIRS_OF_MARGIN]
     for several in compared:
@@ -229,7 +229,7 @@ def _margin_losses(pairs: Iterable[tuple[Outcome, Outcome]], threshold: float) -
             yield MarginLoss(name, first.verdict.unit, len(margins), old_mean, new_mean, change, confidence)
 
 
-def _is_same_quantity(old: ExpectationOutcome, new: ExpectationOutcome) -> bool:
+def is_same_quantity(old: ExpectationOutcome, new: ExpectationOutcome) -> bool:
     """Return True if both margins are known, of one moment if of goals, and comparable."""
     before, now = old.verdict, new.verdict
     if before.margin is None or now.margin is None or not math.isfinite(now.margin - before.margin):

@@ -89,7 +89,7 @@ class MutantSeams(Seams):
         if mutation.speed != 1:
             command = self._robot.faster(command, mutation.speed)
         if mutation.reversed and not isinstance(command, JointTargets):
-            command = _reversed(command, mutation.reversed)
+            command = _scaled(command, *(-1.0 if part == mutation.reversed else 1.0 for part in ("linear", "angular")))
         if mutation.mirrored:
             command = self._robot.mirrored(command)
         return self._at_motors(command) if isinstance(command, JointTargets) else command
@@ -210,12 +210,7 @@ class _Robot:
 
     def faster(self, command: Command, factor: float) -> Command:
         """Return a command with all speeds, efforts and forces multiplied, and the way of joints from their start."""
-        if isinstance(command, Twist):
-            return Twist(scale(command.linear_xyz, factor), scale(command.angular_xyz, factor))
-        if isinstance(command, LinkWrench):
-            force, torque = scale(command.force_xyz, factor), scale(command.torque_xyz, factor)
-            return replace(command, force_xyz=force, torque_xyz=torque)
-        return self.moved(command, lambda _: factor)
+        return self.moved(command, lambda _: factor) if isinstance(command, JointTargets) else _scaled(command, factor)
 
     def moved(self, targets: JointTargets, factor_of: Callable[[str], float]) -> JointTargets:
         """Return targets with speeds, efforts and the way from the start multiplied by the factor of each joint."""
@@ -268,12 +263,12 @@ class _Robot:
         return {self.partners.get(name, name): value for name, value in group.items()}
 
 
-def _reversed(command: Twist | LinkWrench, part: str) -> Twist | LinkWrench:
-    """Return a command whose linear or angular part has the other sign."""
-    signs = [-1.0 if part == name else 1.0 for name in ("linear", "angular")]
+def _scaled(command: Twist | LinkWrench, linear: float, angular: float | None = None) -> Twist | LinkWrench:
+    """Return a command whose linear part is multiplied, and whose angular part is, too, or by another factor."""
+    angular = linear if angular is None else angular
     if isinstance(command, Twist):
-        return Twist(scale(command.linear_xyz, signs[0]), scale(command.angular_xyz, signs[1]))
-    force, torque = scale(command.force_xyz, signs[0]), scale(command.torque_xyz, signs[1])
+        return Twist(scale(command.linear_xyz, linear), scale(command.angular_xyz, angular))
+    force, torque = scale(command.force_xyz, linear), scale(command.torque_xyz, angular)
     return replace(command, force_xyz=force, torque_xyz=torque)
 
 
