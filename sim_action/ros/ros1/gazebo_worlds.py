@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -23,6 +23,7 @@ from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.world import Body
 from sim_action.world.world_files import Loss, WorldFile, plugin_names, read_world_file
+from sim_action.world.world_files.losses import by_kind
 
 _EMPTY_WORLD: Final = Path("worlds/empty.world")  # Gazebo's own world, which has only a ground and a light
 
@@ -69,8 +70,13 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     bodies = read.world.objects
     if len(bodies) != 1:
         raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
-    losses = (loss for loss in read.losses if not loss.is_remark)
-    return bodies[0].model_copy(update={"name": name}), tuple(losses)
+    return bodies[0].model_copy(update={"name": name}), remarks_once(read.losses)
+
+
+def remarks_once(losses: Collection[Loss]) -> tuple[Loss, ...]:
+    """Return all losses of a world, and one remark of each kind."""
+    remarks = by_kind(loss for loss in losses if loss.is_remark)
+    return (*(loss for loss in losses if not loss.is_remark), *remarks)
 
 
 def flat_robot(root: Element, description: str) -> Element:

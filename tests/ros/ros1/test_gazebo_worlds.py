@@ -212,6 +212,9 @@ def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
     body, losses = body_of("wall_1", f'<sdf version="1.6">{WALL}</sdf>', Pose((4.0, 1.0, 0.5)))
     assert losses == ()
     assert (body.name, body.pose.x, body.pose.y, body.pose.z, body.pose.yaw) == ("wall_1", 4, 1, 0.5, 0)
+    # What needs no permission is still said.
+    (remark,) = body_of("wall_1", WALL.replace("<static>true</static>", ""), Pose())[1]
+    assert (remark.is_remark, "SDF's defaults are used" in remark.message) == (True, True)
 
 
 @pytest.mark.parametrize("text", ["<sdf/>", "<sdf><model name='m'/></sdf>", "<sdf", WALL.replace("0.1 3 1", "wide")])

@@ -25,7 +25,7 @@ from sim_action.core.errors import (
 from sim_action.results.outcome import Failure, FailureKind
 from sim_action.robot.documents.sdf_elements import SdfProblem
 from sim_action.robot.model.robot_spec import IN_WORLD
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, read_world, remarks_once
 from sim_action.ros.ros1.launch.ros_patches import ALONE, TEST_LIMIT
 from sim_action.ros.ros1.launch_request import PROGRESS_FILE, TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.lockstep import TestFinished
@@ -143,7 +143,7 @@ class _Server:
         if path is None:
             return WorldModels(World())
         world_file = read_world(path)
-        self._losses += (loss for loss in world_file.losses if not loss.is_remark)
+        self._losses += remarks_once(world_file.losses)
         if (robot := world_file.robot) is None:
             return WorldModels(world_file.world)
         file = f"{path.resolve()}{IN_WORLD}{robot.name}"
