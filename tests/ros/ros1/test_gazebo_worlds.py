@@ -63,22 +63,6 @@ def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> N
     assert (part.radius, part.height) == (0.1, 0.8)
 
 
-def test_models_that_are_included(tmp_path: Path) -> None:
-    add_model(tmp_path, "wall", WALL)
-    world, notes = read(
-        tmp_path,
-        """<include><uri>model://ground_plane</uri></include><include><uri>model://sun</uri></include>
-        <include><uri>model://wall</uri><name>north</name><pose>0 5 0 0 0 0</pose></include>
-        <include><uri>model://house</uri></include>""",
-    )
-    (north,) = world.objects
-    # The pose of the include replaces that of the model (sdformat.org/spec).
-    assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 0, 5, 0)
-    (note,) = notes
-    assert note.startswith("a.world refers to the model 'house', which was not found")
-    assert str(tmp_path / "models") in note
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
