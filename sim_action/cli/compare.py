@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
@@ -53,18 +53,7 @@ from sim_action.results.shard_results import read_run
     text="Write the comparison as Markdown, such as for a comment on a pull request; - is standard output.",
 )
 @switch("summary", "On GitHub, add the comparison to the job summary.", env=True, default=True)
-def compare(
-    old: str,
-    new: str | None,
-    *,
-    output_dir: str,
-    margin: float,
-    slower: float,
-    strict: bool,
-    allow_removed: bool,
-    markdown: str | None,
-    summary: bool,
-) -> ExitCode:
+def compare(old: str, new: str | None, *, output_dir: str, margin: float, slower: float, **flags: Any) -> ExitCode:
     """Compare two runs: new failures, fixed scenarios, weaker checks, smaller margins.
 
     OLD and NEW are results.json files, or folders. A folder contains one results.json, or the results.json files of all
@@ -76,15 +65,7 @@ def compare(
     """
     if new is not None:
         refuse_typed("NEW", "output_dir")
-    return compare_results(
-        old,
-        new or output_dir,
-        Thresholds(margin, slower),
-        strict=strict,
-        markdown=markdown,
-        summary=summary,
-        allow_removed=allow_removed,
-    )
+    return compare_results(old, new or output_dir, Thresholds(margin, slower), **flags)
 
 
 STANDARD_OUTPUT: Final = "-"

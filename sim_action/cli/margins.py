@@ -63,12 +63,7 @@ def margins(
     runs: int,
     budget: int | None,
     resume: bool,
-    shard: str | None,
-    backend: str | None,
-    seed: int | None,
     jobs: int | None,
-    packages: tuple[str, ...],
-    allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
     """Find how far each factor of a scenario can move before the scenario fails.
@@ -83,15 +78,12 @@ def margins(
     with Interruption() as interruption:
         from sim_action.app.margins import MARGINS_FOLDER, MarginsRequest, find_margins
         from sim_action.runner.margin_search import FactorRequest
-        from sim_action.runner.run_plan import PlanRequest
 
         requests = FactorRequest.parsed(factors, at_least)
-        suite = options.discovered(paths, flags, outside=allow_outside)
-        folders = {path.parent: None for path in suite.files}
-        permissions = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
+        plan = options.plan_request(paths, flags)
         reports = options.report_request(flags)
         request = MarginsRequest(
-            PlanRequest(suite, permissions, shard, backend, seed),
+            plan,
             replace(reports, folder=reports.folder / MARGINS_FOLDER),
             jobs or usable_cores(),
             requests,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
     from sim_action.reports import ReportRequest
     from sim_action.robot.model.robot_spec import Robot
+    from sim_action.runner.run_plan import PlanRequest
     from sim_action.scenario.selection import Selection, Suite
 
 
@@ -267,6 +268,17 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     return suite
 
 
+def plan_request(paths: Sequence[str], flags: dict[str, Any]) -> PlanRequest:
+    """Return the runs that the command line asks for, and remove their options from `flags`. Raises UsageError."""
+    from sim_action.runner.run_plan import PlanRequest
+
+    outside = flags.pop("allow_outside")
+    suite = discovered(paths, flags if "tags" in flags else None, outside=outside)
+    folders = {path.parent: None for path in suite.files}
+    permissions = code_permissions(flags, folders, outside=outside, packages=flags.pop("packages"))
+    return PlanRequest(suite, permissions, flags.pop("shard", None), flags.pop("backend"), flags.pop("seed"))
+
+
 def named_paths(paths: Sequence[str]) -> Sequence[str]:
     """Return the paths of the command line, or else of pyproject.toml, or else the current folder."""
     return paths or click.get_current_context().lookup_default("paths") or ["."]
@@ -322,6 +334,11 @@ def switches(report: str, annotations: str) -> Callable[[Command], Command]:
     )
 
 
+def silenced(flags: Mapping[str, Any]) -> frozenset[str]:
+    """Return the names of the reports that the options of `switches` leave out."""
+    return frozenset(name for name in ("report", "summary", "annotations") if not flags[name])
+
+
 report_flags: Final = with_options(
     output_dir("Folder for results, JUnit XML, traces and reports."),
     text_option(
@@ -368,11 +385,7 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
         junit=Path(flags["junit"]) if flags["junit"] else None,
         junit_strict=flags["junit_strict"],
         verbosity="json" if as_json else "verbose" if verbose else "quiet" if quiet else "normal",
-        silenced=frozenset(
-            name
-            for name in ("report", "summary", "annotations")
-            if not flags[name] or (as_json and name == "annotations")
-        ),
+        silenced=silenced(flags) | ({"annotations"} if as_json else set()),
         against=flags["against"],
     )
 

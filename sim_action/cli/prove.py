@@ -46,16 +46,9 @@ def prove(
     budget: str | None,
     json_file: str | None,
     strict: bool,
-    backend: str | None,
-    seed: int | None,
     jobs: int | None,
     output_dir: str,
-    report: bool,
-    summary: bool,
-    annotations: bool,
     quiet: bool,
-    packages: tuple[str, ...],
-    allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
     """Run each scenario again with injected faults, and report the expectations that notice them.
@@ -72,17 +65,13 @@ def prove(
     with Interruption() as interruption:
         from sim_action.app.prove import PROOF_FOLDER, ProveRequest, prove_scenarios
         from sim_action.reports import ReportRequest
-        from sim_action.runner.run_plan import PlanRequest
 
         seconds = None if budget is None else _seconds(budget)
-        suite = options.discovered(paths, outside=allow_outside)
-        folders = {path.parent: None for path in suite.files}
-        permissions = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
-        written = {"report": report, "summary": summary, "annotations": annotations}
-        silenced = frozenset(name for name, is_on in written.items() if not is_on)
         request = ProveRequest(
-            PlanRequest(suite, permissions, None, backend, seed),
-            ReportRequest(Path(output_dir) / PROOF_FOLDER, None, False, "quiet" if quiet else "normal", silenced),
+            options.plan_request(paths, flags),
+            ReportRequest(
+                Path(output_dir) / PROOF_FOLDER, None, False, "quiet" if quiet else "normal", options.silenced(flags)
+            ),
             jobs or usable_cores(),
             tuple(name for names in only for name in _names(names)),
             seconds,

@@ -144,9 +144,6 @@ def run(
     watch: bool,
     live: bool,
     port: int,
-    shard: str | None,
-    backend: str | None,
-    seed: int | None,
     repeat: int,
     unexercised: Unexercised | None,
     confidence: ConfidenceKind | None,
@@ -157,8 +154,6 @@ def run(
     jobs: int | None,
     cluster: str | None,
     record: tuple[str, ...],
-    packages: tuple[str, ...],
-    allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
     """Run scenarios and report their verdicts.
@@ -178,7 +173,6 @@ def run(
     with Interruption() as interruption:
         from sim_action.app.run import RunRequest, run_scenarios
         from sim_action.recording.export import wanted_formats
-        from sim_action.runner.run_plan import PlanRequest
 
         if plan_gate is not None:
             _refuse_others("--plan-gate", _ON_PLANS)
@@ -192,11 +186,9 @@ def run(
         if cluster is not None and watch:
             raise UsageError("--cluster cannot be combined with --watch")
         recordings = wanted_formats(record)
-        suite = options.discovered(paths, flags, outside=allow_outside)
-        folders = {path.parent: None for path in suite.files}
-        allowed = options.code_permissions(flags, folders, outside=allow_outside, packages=packages)
-        permissions = replace(allowed, updates_golden=update_golden, forces_golden=force)
-        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised, strict, confidence)
+        plan = options.plan_request(paths, flags)
+        permissions = replace(plan.permissions, updates_golden=update_golden, forces_golden=force)
+        plan = replace(plan, permissions=permissions, unexercised=unexercised, strict=strict, confidence=confidence)
         if plan_gate is not None:
             return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:
@@ -210,7 +202,7 @@ def run(
         served = options.live_port(live=live, port=port, watch=watch)
         if not watch:
             return run_scenarios(request, interruption).exit_code
-        if shard is not None or update_golden:
+        if plan.shard is not None or update_golden:
             raise UsageError("--watch cannot be combined with --shard or --update-golden")
         from sim_action.app.watch import watch_scenarios
 

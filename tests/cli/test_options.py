@@ -63,6 +63,7 @@ def test_a_package_without_a_folder_is_an_error(
     )
 
 
+@pytest.mark.process
 def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,6 +76,7 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
     assert call(["validate"]) == 2
     assert "or name a folder outside the repository: --package box=FOLDER" in capsys.readouterr().out
     assert call(["validate", "--package", "box=../outside"]) == 0
+    assert call(["run", "--no-report", "--package", "box=../outside"]) == 0
     inside = text.replace("{model", "{packages: {box: ../outside}, model")
     Path("a.sim.yml").write_text(inside, encoding="utf-8")
     assert call(["validate"]) == 2
@@ -107,12 +109,24 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
         (["compare", "a", "b", "--output-dir", "c"], "NEW cannot be combined with --output-dir"),
         (["view", "a", "--output-dir", "c"], "REPORT cannot be combined with --output-dir"),
         (["report", "a", "--output-dir", "c"], "FOLDER cannot be combined with --output-dir"),
+        (["run", "--jobs", "0"], "expected a whole number from 1 to 256, found '0'"),
+        (["run", "--nope"], "--nope"),
+        (["run", "a.sim.yml::3-1"], "found '3-1'"),
+        (["run", "--junit", "."], "--junit . is a folder; name a file"),
+        (["run", "--shard", "4/3"], "sim-action: --shard 4/3: must be I/N with 1 <= I <= N <= 256, such as 1/3"),
+        (["nope"], "'nope'"),
+        (["matrix", "--shards", "257"], "expected a whole number from 1 to 256, found '257'"),
+        (["matrix"], "Missing option '--shards'"),
+        (["merge"], "Missing argument 'RESULTS...'"),
+        (["merge", "."], "sim-action: no results.json found at '.'"),
+        (["merge", ".", "--scenarios", "nope*"], "sim-action: --scenarios finds no scenario"),
+        (["merge", "loop"], "loop is not a valid results file: Too many levels of symbolic links"),
         (["inspect", "a.urdf", "--arg", "a=1", "--arg", "a=2"], "--arg names 'a' twice"),
         (["inspect", "turtlebot3_burger", "--arg", "a=1"], "--arg needs a xacro file, and 'turtlebot3_burger' is not"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_an_option_that_would_be_ignored_is_an_error(
+def test_a_wrong_call_is_exit_code_2(
     arguments: list[str],
     message: str,
     tmp_path: Path,
@@ -121,8 +135,12 @@ def test_an_option_that_would_be_ignored_is_an_error(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.sim.yml").touch()
+    (tmp_path / "loop").symlink_to("loop")
     assert call(arguments) == 2
-    assert message in capsys.readouterr().err
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert printed.out == ""
 
 
 def test_options_with_an_effect_on_what_runs_nothing_exist() -> None:

@@ -131,23 +131,6 @@ def test_no_scenario_is_exit_code_5_and_still_a_junit(tmp_path: Path) -> None:
     assert junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml")).tests == 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("run", "--jobs", "0"), "found '0'"),
-        (("run", "--nope"), "--nope"),
-        (("run", "a.sim.yml::3-1"), "found '3-1'"),
-        (("run", "--junit", "."), "--junit . is a folder; name a file"),
-        (("nope",), "'nope'"),
-    ],
-)
-def test_a_wrong_call_is_exit_code_2(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    ran = sim_action(tmp_path, *arguments)
-    assert ran.returncode == 2
-    assert message in ran.stderr
-    assert "Traceback" not in ran.stderr
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows does not remove a current folder")
 @pytest.mark.parametrize("arguments", ["run", "validate"])
 def test_a_current_folder_that_was_removed_is_exit_code_2(tmp_path: Path, arguments: str) -> None:
@@ -228,13 +211,6 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     written = {path.name for path in (tmp_path / "out put").iterdir()}
     assert written == {"results.json", "results.jsonl", "report.html", "replays", "traces", ".gitignore"}
     assert "<testcase" in (tmp_path / "x/y.xml").read_text()
-
-
-def test_the_seed_that_was_typed_counts_for_all_and_is_told(folder: Path) -> None:
-    (folder / "b.sim.yml").write_text(driving("b") + "seed: 7\n")
-    for flags, seeds in (([], [0, 7]), (["--seed", "3"], [3, 3])):
-        assert sim_action(folder, "run", *flags).returncode == 0
-        assert [outcome["seed"] for outcome in outcomes(folder)] == seeds
 
 
 @pytest.mark.parametrize("redirection", soaked([">&-", "2>&-", "<&-", ">&- 2>&- <&-"], short=["2>&-", ">&- 2>&- <&-"]))

@@ -80,6 +80,9 @@ def test_a_list_tells_it_and_so_does_a_matrix(capsys: pytest.CaptureFixture[str]
     printed = capsys.readouterr()
     assert printed.out == "turn\tb.sim.yml:1\tslow\n"
     assert printed.err == f"--only: {MESSAGE}\n"
+    for options in (["--exclude-tag", "slow"], ["--exclude", "t*"], ["--tag", "quick"]):
+        assert call(["run", "--list", *options]) == 0
+        assert capsys.readouterr().out == "drive\ta.sim.yml:1\tquick\n"
     assert call(["matrix", "--shards", "2", "--only", "turn", "--only", "drve"]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

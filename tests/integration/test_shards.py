@@ -122,29 +122,6 @@ def test_an_empty_shard_passes_and_reads_well(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (("run", "--shard", "4/3"), "sim-action: --shard 4/3: must be I/N with 1 <= I <= N <= 256, such as 1/3"),
-        (("matrix", "--shards", "257"), "expected a whole number from 1 to 256, found '257'"),
-        (("matrix",), "Missing option '--shards'"),
-        (("merge",), "Missing argument 'RESULTS...'"),
-        (("merge", "."), "sim-action: no results.json found at '.'"),
-        (("merge", ".", "--scenarios", "nope*"), "sim-action: --scenarios finds no scenario"),
-        (("merge", "loop"), "loop is not a valid results file: Too many levels of symbolic links"),
-        (("merge", ".", "-v", "-q"), "--verbose and --quiet cannot be combined"),
-    ],
-)
-def test_a_wrong_call_is_exit_code_2_in_one_line(tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:
-    (tmp_path / "a.sim.yml").touch()
-    (tmp_path / "loop").symlink_to("loop")
-    called = sim_action(tmp_path, *arguments)
-    assert called.returncode == 2
-    assert told in called.stderr
-    assert "Traceback" not in called.stderr
-    assert called.stdout == ""
-
-
-@pytest.mark.parametrize(
     ("arguments", "absent"),
     [
         (("matrix", ".", "--shards", "2"), {"pybullet", "mujoco", "numpy"}),

@@ -169,15 +169,6 @@ def test_each_variation_is_compared_on_all_engines(folder: Path) -> None:
     assert len(set(names)) == len(names)
 
 
-def test_scenarios_are_found_by_name_and_tag(folder: Path) -> None:
-    assert sim_action(folder, "run", "--tag", "dry").returncode == 0
-    assert told(folder) == [("one", "passed")]
-    assert sim_action(folder, "run", "--only", "t*", "--exclude", "two").returncode == 0
-    assert told(folder) == [("three", "passed")]
-    listed = sim_action(folder, "run", "--list", "--exclude-tag", "wet")
-    assert listed.stdout.splitlines() == ["one\tmany.sim.yml:2\tdry", "two\tmany.sim.yml:3", "three\tmany.sim.yml:4"]
-
-
 def test_nothing_is_begun_after_the_first_failure(folder: Path) -> None:
     (folder / "many.sim.yml").unlink()
     ran = sim_action(folder, "run", "--fail-fast", "--jobs", "1")
