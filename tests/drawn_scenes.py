@@ -40,6 +40,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import Channels
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
+from tests.traces import rotation_matrices
 
 FloatArray = NDArray[np.float64]
 _GRAVITY: Final = 9.80665
@@ -230,13 +231,7 @@ class _Motion:
 
     def __init__(self, time: FloatArray, position: FloatArray, orientation: FloatArray) -> None:
         self.time, self.position = time, position
-        x, y, z, w = orientation.T
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        self.rotation: FloatArray = np.moveaxis(np.array(rows), 2, 0)
+        self.rotation = rotation_matrices(orientation)
 
     def energy(self, body: Solid) -> FloatArray:
         """Return kinetic and potential energy in J after each step but the first, from the poses alone."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.lazy_numpy import FloatArray
@@ -69,6 +69,17 @@ def trace(
     )
 
 
+def rotation_matrices(orientations_xyzw: FloatArray) -> FloatArray:
+    """Of quaternions (T, 4), or of one; by the formula, for oracles."""
+    x, y, z, w = orientations_xyzw.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
 def piece(seen: Trace, start: int, end: int) -> Trace:
     """Rows `start` to `end`, as the loop would hand them over: with the contacts of these steps."""
     rows = seen.rows(slice(start, end))
@@ -109,6 +120,16 @@ def scene(model: RobotModel | None = None) -> Scene:
 
 def monitor(assertion: Assertion, start: Observation = START, where: Scene | None = None) -> Monitor:
     return assertion.monitor(where or scene(), start)
+
+
+def states(assertion: Assertion, seen: Trace) -> list[State]:
+    """Before the first moment, and after each."""
+    opened = monitor(assertion)
+    found = [opened.state]
+    for index in range(len(seen)):
+        opened = opened.observe(piece(seen, index, index + 1))
+        found.append(opened.state)
+    return found
 
 
 def judged(assertion: Assertion, seen: Trace, start: Observation = START) -> Verdict:

@@ -29,7 +29,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
-from tests.traces import START, contact, judged, monitor, piece, scene, trace
+from tests.traces import START, contact, judged, monitor, piece, scene, states, trace
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN
 FAR, NEARER, BACK = Travel(at_least=3.0), Travel(at_least=2.0), Travel(at_most=1.0)
@@ -51,15 +51,6 @@ def ride(*touches: float) -> Trace:
     """1 m/s, a moment a second."""
     time = [1.0, 2.0, 3.0, 4.0]
     return trace(time, x=time, speed=[0.5, 1.0, 1.0, 1.0], contacts=[contact(touch) for touch in touches])
-
-
-def states(spec: Assertion, seen: Trace) -> list[State]:
-    opened = monitor(spec)
-    found = [opened.state]
-    for index in range(len(seen)):
-        opened = opened.observe(piece(seen, index, index + 1))
-        found.append(opened.state)
-    return found
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from sim_action.state.trace import Trace
 from tests.integration.engines import on_every_engine
 from tests.integration.test_probe import INERTIAL
 from tests.simulated import simulated
+from tests.traces import rotation_matrices
 
 _LIMIT: Final = '<limit lower="-3" upper="3" effort="50" velocity="10"/>'
 MODEL: Final = f"""\
@@ -60,13 +61,8 @@ def placed(xyz: Vector3, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0
 
 
 def base_matrix(state: Rows) -> Rows:
-    x, y, z, w = state[3:7]
     found = np.eye(4)
-    found[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    found[:3, :3] = rotation_matrices(state[3:7])
     found[:3, 3] = state[:3]
     return found
 

@@ -70,6 +70,15 @@ def answer(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
+def first_answer(folder: Path) -> str:
+    """What another process says that wants the folder, and then ends."""
+    process = started(folder)
+    begin(process)
+    said = answer(process)
+    process.communicate()
+    return said
+
+
 @pytest.fixture
 def holder(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process = started(tmp_path / "out")
@@ -133,14 +142,8 @@ def test_a_forked_child_neither_holds_nor_releases_the_lock(tmp_path: Path) -> N
             finally:
                 os._exit(0)
         os.read(ready[0], 1)
-        process = started(tmp_path)
-        begin(process)
-        assert f"(process {os.getpid()})" in answer(process)
-        process.communicate()
-    process = started(tmp_path)
-    begin(process)
-    assert answer(process) == "locked"
-    process.communicate()
+        assert f"(process {os.getpid()})" in first_answer(tmp_path)
+    assert first_answer(tmp_path) == "locked"
     os.write(release[1], b"x")
     os.waitpid(child, 0)
     for descriptor in (*ready, *release):
@@ -315,10 +318,7 @@ def test_the_process_of_a_lock_with_a_reserve_is_named(tmp_path: Path) -> None:
     with locked(tmp_path) as room:
         room.reserve(10)
         assert (tmp_path / LOCK_FILE).stat().st_size > 240_000
-        process = started(tmp_path)
-        begin(process)
-        assert f"(process {os.getpid()})" in answer(process)
-        process.communicate()
+        assert f"(process {os.getpid()})" in first_answer(tmp_path)
         room.release()
         assert (tmp_path / LOCK_FILE).read_text() == f"{os.getpid()}\n"
     assert not (tmp_path / LOCK_FILE).exists()

@@ -25,7 +25,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.test_cuts import random_trace
 from tests.soak import examples
-from tests.traces import START, judged, monitor, scene, trace
+from tests.traces import START, judged, monitor, rotation_matrices, scene, trace
 
 SCAN, WHEEL, ROOT = "base_scan", "wheel_left_link", "base_footprint"
 # Places in the base frame, as the file of the model has them, in m.
@@ -33,17 +33,6 @@ SCAN_AT, WHEEL_AT = np.array((-0.032, 0.0, 0.182)), np.array((0.0, 0.080, 0.033)
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
 seeds = st.integers(0, 2**32 - 1)
 angles = st.floats(-7.0, 7.0)
-
-
-def matrices(quaternions: FloatArray) -> FloatArray:
-    """Rotation matrices (T, 3, 3) of quaternions (T, 4)."""
-    x, y, z, w = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def about_y(angle: FloatArray) -> FloatArray:
@@ -54,7 +43,7 @@ def about_y(angle: FloatArray) -> FloatArray:
 
 
 def scan_in_world(seen: Trace) -> FloatArray:
-    found: FloatArray = seen.base_position_xyz + matrices(seen.base_orientation_xyzw) @ SCAN_AT
+    found: FloatArray = seen.base_position_xyz + rotation_matrices(seen.base_orientation_xyzw) @ SCAN_AT
     return found
 
 
@@ -73,10 +62,10 @@ def curves(spec: MotionAssertion, seen: Trace) -> list[FloatArray]:
 def test_errors_of_a_pose_in_the_world_and_in_a_frame(seed: int, roll: float, pitch: float, yaw: float) -> None:
     seen = random_trace(seed)
     target = TargetOrientation(roll=roll, pitch=pitch, yaw=yaw)
-    wanted = matrices(np.array([quaternion_from_rpy(roll, pitch, yaw)]))[0]
+    wanted = rotation_matrices(np.array([quaternion_from_rpy(roll, pitch, yaw)]))[0]
     in_wheel = about_y(-seen.joint_position[:, 0])
     for frame, places, turned in (
-        ("world", scan_in_world(seen), matrices(seen.base_orientation_xyzw)),
+        ("world", scan_in_world(seen), rotation_matrices(seen.base_orientation_xyzw)),
         (WHEEL, scan_in_wheel(seen), in_wheel),
     ):
         spec = Reach(link=SCAN, frame=frame, x=0.3, y=-0.2, z=0.1, orientation=target)

@@ -27,7 +27,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from tests.assertions.temporal_logic import formulas
 from tests.soak import examples
-from tests.traces import monitor, piece, scene, trace
+from tests.traces import monitor, piece, scene, states, trace
 
 SCENE = scene()
 FAST = trace([1.0, 2.0, 3.0, 4.0], x=[0.25, 1.0, 2.0, 2.5], speed=[0.25, 0.75, 1.0, 0.5])
@@ -39,16 +39,6 @@ def stl(text: str) -> Stl:
 
 def judged(assertion: Stl, seen: Trace) -> Verdict:
     return monitor(assertion).observe(seen).verdict()
-
-
-def states(text: str, seen: Trace) -> list[State]:
-    """Before the first moment, and after each."""
-    opened = monitor(stl(text))
-    found = [opened.state]
-    for index in range(len(seen)):
-        opened = opened.observe(piece(seen, index, index + 1))
-        found.append(opened.state)
-    return found
 
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN
@@ -137,7 +127,7 @@ def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
     ],
 )
 def test_when_a_formula_is_decided(text: str, expected: list[State]) -> None:
-    assert states(text, FAST) == expected
+    assert states(stl(text), FAST) == expected
 
 
 @pytest.mark.parametrize(

@@ -51,17 +51,20 @@ def joint_state(
     return store.types[JOINTS](header(store), names, *groups)
 
 
-def ros1_bag(path: Path, entries: Iterable[Entry], compression: str | None = None) -> Path:
-    writer = Writer1(path)
-    if compression:
-        writer.set_compression(Writer1.CompressionFormat[compression])
+def _write(writer: Any, entries: Iterable[Entry], store: Typestore, serialized: Callable[[Any, str], Any]) -> None:
     with writer:
         connections: dict[str, Any] = {}
         for time, topic, type_name, make in entries:
             if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS1)
-            data = ROS1.serialize_ros1(make(ROS1), type_name)
-            writer.write(connections[topic], START + round(time * 1e9), data)
+                connections[topic] = writer.add_connection(topic, type_name, typestore=store)
+            writer.write(connections[topic], START + round(time * 1e9), serialized(make(store), type_name))
+
+
+def ros1_bag(path: Path, entries: Iterable[Entry], compression: str | None = None) -> Path:
+    writer = Writer1(path)
+    if compression:
+        writer.set_compression(Writer1.CompressionFormat[compression])
+    _write(writer, entries, ROS1, ROS1.serialize_ros1)
     return path
 
 
@@ -73,13 +76,7 @@ def ros2_bag(
 ) -> Path:
     writer = Writer2(path, version=9, storage_plugin=storage)
     writer.set_compression(compression, CompressionFormat.ZSTD)
-    with writer:
-        connections: dict[str, Any] = {}
-        for time, topic, type_name, make in entries:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS2)
-            data = ROS2.serialize_cdr(make(ROS2), type_name)
-            writer.write(connections[topic], START + round(time * 1e9), data)
+    _write(writer, entries, ROS2, ROS2.serialize_cdr)
     return path
 
 
