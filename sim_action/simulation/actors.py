@@ -20,9 +20,9 @@ from sim_action.engines.engine import Engine, RobotQueries
 from sim_action.robot.model.kinematics import link_motion
 from sim_action.scenario.model import DrivenActor, Scenario
 from sim_action.simulation.controllers import Controls
-from sim_action.simulation.guards import Guard, Watchdog
+from sim_action.simulation.guards import Guard, Watchdog, last_speed
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import about_robot, drive_of
+from sim_action.simulation.start_checks import about_robot, about_settling, drive_of
 from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.state.command import JointTargets
 from sim_action.state.timeline import TimeMark
@@ -57,14 +57,16 @@ class _Actor:
         self.controls, self.events = Controls(own, scene, motion), own.events
         heard, more = self.controls.are_watching, self.controls.sensors
         self.sensing = Sensing(own, scene, robot, heard=heard, more=more)
-        self._guards: list[Guard] = [Watchdog.of(scene, robot.observe(0, contacts=False))]
-        self._about = tuple(about_robot(own, scene, drive))
+        self._placed = robot.observe(0, contacts=False)
+        self._guards: list[Guard] = [Watchdog.of(scene, self._placed)]
+        self._about = [*about_robot(own, scene, drive)]
         self._first = 0
         self._rows = list[JointTargets | None]()
 
     def begin(self, bodies: FloatArray, *, solid_terrain: bool) -> None:
         """Take the poses (M, 7) of the bodies with a mass at t = 0."""
         start = self.robot.observe(0, contacts=False)
+        self._about += about_settling(self.scene, self._placed.pose, start.pose)
         self.tunnelling = Tunnelling(self.scene, start, bodies, solid_terrain=solid_terrain, links_only=True)
         self._guards.append(self.tunnelling)
         if any(body.path for body in self.scene.world.objects):
@@ -205,10 +207,9 @@ class Actors(Guard):
                 error = type(missed)(f"'{name}': {missed}", keys=missed.keys) if name else missed
         return trace, error
 
-    def forget(self) -> None:
-        """Drop the states before t = 0."""
-        for actor in self._actors:
-            actor.robot.collect()
+    def settled(self) -> float:
+        """Drop the states before t = 0, and return the greatest speed of all, see `last_speed`."""
+        return max(last_speed(actor.robot.collect()) for actor in self._actors)
 
     def begin(self, bodies: FloatArray, ego: Tunnelling) -> None:
         """Take the poses (M, 7) of the bodies with a mass at t = 0, and the watch of the robot under test."""

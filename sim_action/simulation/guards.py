@@ -44,6 +44,12 @@ _SINKS: Final = (
 )
 
 
+def last_speed(trace: Trace) -> float:
+    """Return the greatest of all speeds in m/s or rad/s at the last moment: of the base and its turn, and of joints."""
+    last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
+    return float(np.concatenate(last).max())
+
+
 class Guard:
     """A guard of one run. It gets every block of steps in order, from t = 0 on."""
 

@@ -24,7 +24,7 @@ from sim_action.scenario.model import Expectation, Scenario
 from sim_action.scenario.mutation import UNTOUCHED, Seams
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
-from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog
+from sim_action.simulation.guards import NO_BODIES, Guard, Watchdog, last_speed
 from sim_action.simulation.panel import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Beginning, Motion, RunFacts, audit_run, unreached_events
@@ -34,9 +34,8 @@ from sim_action.simulation.start_checks import (
     about_links,
     about_model_of_drive,
     about_robot,
+    about_settling,
     drive_of,
-    fell_while_settling,
-    moved_while_settling,
     noted_drive,
     opened_on_top,
     raised_to_stand,
@@ -216,9 +215,8 @@ class _Loop:
         placed = self._placed_bodies()
         self._guards += self._guards_from(start, placed)
         raised = raised_to_stand(self._scene, self._placed.pose)
-        moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
-        fell = fell_while_settling(self._scene, self._placed.pose, start.pose)
-        self._notes += [note for note in (raised, moved, fell) if note is not None]
+        settled = about_settling(self._scene, self._placed.pose, start.pose)
+        self._notes += [note for note in (raised, *settled) if note is not None]
         panel = Panel.open(self._scenario, self._scene, start, runs_on=self._seams.runs_on)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
@@ -396,7 +394,7 @@ class _Loop:
         return (self._controls, *(self._actors.controls if self._actors else ()))
 
     def _settle(self) -> None:
-        """Let the robot come to rest before t = 0, with braked wheels and held joints."""
+        """Let all robots come to rest before t = 0, with braked wheels and held joints."""
         limit = self._scenario.physics.settle
         remaining, period = self._scenario.steps(limit), self._scenario.steps(_SETTLE_PERIOD_S)
         brake = [self._controls.at_rest]
@@ -409,18 +407,15 @@ class _Loop:
             remaining -= steps
             trace, failure = self._watchdog.watch(self._backend.collect())
             self._backend.collect_bodies()
-            if self._actors:
-                self._actors.forget()
+            others = self._actors.settled() if self._actors else 0.0
             if failure is not None:
                 raise failure
-            last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
-            speed = float(np.concatenate(last).max())
+            speed = max(last_speed(trace), others)
             if speed < _REST_SPEED:
                 return
         if limit:
-            self._notes.append(
-                f"the robot was not at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0"
-            )
+            who = "not all robots were" if self._actors else "the robot was not"
+            self._notes.append(f"{who} at rest after {limit:g} s of settling: {speed:.2g} m/s or rad/s at t = 0")
 
     def _advance(self, period: float, progress: Progress) -> tuple[Trace, RunError | None]:
         """Return the moments of the next period in s, and the error that ended it early."""

@@ -131,6 +131,12 @@ def fell_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
     )
 
 
+def about_settling(scene: Scene, before: Pose, after: Pose) -> Iterator[str]:
+    """Yield notes on what happened to the base while the robot settled; poses in the world frame."""
+    for note in (check(scene, before, after) for check in (moved_while_settling, fell_while_settling)):
+        yield from () if note is None else (note,)
+
+
 def _tilt(pose: Pose) -> float:
     return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
 

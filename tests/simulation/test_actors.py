@@ -271,6 +271,15 @@ def test_sensors_of_each_robot_see_the_others_and_not_itself(tmp_path: Path, eng
     assert [verdict.passed for verdict in ended.verdicts] == [True], ended.verdicts
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_all_robots_are_at_rest_at_the_start(tmp_path: Path, engine: str) -> None:
+    high = actor("high", 3.0, 0, "").replace("pose: {", "pose: {z: 0.3, ")
+    still = "[{object: {name: high, moved: {at_most: 5 mm}}}]"
+    ended = run(tmp_path, written(high, still, engine=engine, commands="").replace("9 s", "0.5 s"))
+    assert ended.verdicts[0].passed
+    assert [note[:26] for note in ended.notes] == ["'high': the robot fell 0.3"]
+
+
 def test_each_robot_draws_its_own_random_numbers(tmp_path: Path) -> None:
     path = tmp_path / "two.sim.yml"
     path.write_text(written(f"{actor('left')}, {actor('right', 3.0)}", "[upright]"), encoding="utf-8")
