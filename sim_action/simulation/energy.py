@@ -10,14 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from typing import Any, Final, Self
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.lazy_numpy import FloatArray
 from sim_action.core.records import dataclass
-from sim_action.robot.documents.urdf_elements import MOMENTS, number, origin
 from sim_action.robot.model.kinematics import Frames, frames_of, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace import Trace
@@ -112,18 +110,14 @@ class Mechanics:
 
 
 def _bodies(model: RobotModel) -> dict[str, _Body]:
-    # `sim_action.robot` wrote this text.
-    root = ET.fromstring(model.urdf)  # noqa: S314 - see above
     bodies = {}
-    for link in root.iterfind("link"):
-        inertial = link.find("inertial")
-        if inertial is not None:
-            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
-            at = origin(inertial)
+    for link in model.links:
+        if link.inertial is not None:
+            xx, xy, xz, yy, yz, zz = link.inertial.moments
+            at = link.inertial.pose
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES])
-            mass = number(inertial.find("mass"), "value") or 0.0
-            bodies[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
+            bodies[link.name] = _Body(link.inertial.mass, at.position_xyz, axes @ tensor @ axes.T)
     return bodies
 
 
@@ -152,7 +146,9 @@ class EnergyWatch:
             return None
         if model.balls or any(joint.stiffness for joint in model.joints) or (scene.bolted and not model.moving_joints):
             return None
-        if any(joint.mimic is not None for joint in model.joints) or _is_braked(model):
+        if any(joint.mimic is not None for joint in model.joints) or any(
+            joint.damping > 0 or joint.friction > 0 for joint in model.joints
+        ):
             return None
         return cls(scene)
 
@@ -197,12 +193,3 @@ class EnergyWatch:
             f"{self._worst_s:.2f} s, and its kinetic energy was at most {kinetic:.3g} J: the physics steps are too "
             "long for its motion; raise physics.rate"
         )
-
-
-def _is_braked(model: RobotModel) -> bool:
-    root = ET.fromstring(model.urdf)  # noqa: S314 - `sim_action.robot` wrote this text
-    return any(
-        (number(dynamics, name) or 0.0) > 0
-        for dynamics in root.iterfind("joint/dynamics")
-        for name in ("damping", "friction")
-    )

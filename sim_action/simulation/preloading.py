@@ -55,7 +55,7 @@ def _of_world(loaded: LoadedScenario) -> Iterator[str]:
 
 def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
     modules = ENGINES[chosen(scenario.backend)].feature_modules
-    if " damping=" in model.urdf and "damped joints" in modules:
+    if any(joint.damping for joint in model.joints) and "damped joints" in modules:
         yield modules["damped joints"]
     if "skid drive" not in modules:
         return

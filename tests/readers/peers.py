@@ -81,9 +81,8 @@ def _root(path: Path) -> str:
 
 
 def sim_action(path: Path, positions: dict[str, float]) -> Reading:
-    """Ours: limits and frames of the model, and the masses of the text that an engine gets."""
+    """Ours: limits, frames and masses of the model, as an engine gets them."""
     from sim_action.core import geometry
-    from sim_action.robot.documents.urdf_elements import MOMENTS, number, origin
     from sim_action.robot.model.findings import ALLOWABLE
     from sim_action.robot.model.kinematics import link_poses
     from sim_action.robot.reading.urdf import read_urdf
@@ -91,15 +90,13 @@ def sim_action(path: Path, positions: dict[str, float]) -> Reading:
     model = read_urdf(path, allow=ALLOWABLE)
     written = ET.parse(str(path)).getroot()
     links: dict[str, Reading] = {link.attrib["name"]: {} for link in written.iterfind("link")}
-    for link in ET.fromstring(model.urdf).iterfind("link"):
-        inertial = link.find("inertial")
-        if inertial is not None and link.attrib["name"] in links:
-            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
-            pose = origin(inertial)
+    for link in model.links:
+        if link.inertial is not None and link.name in links:
+            xx, xy, xz, yy, yz, zz = link.inertial.moments
+            pose = link.inertial.pose
             turn = np.column_stack([geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES])
             tensor = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-            mass = number(inertial.find("mass"), "value") or 0.0
-            links[link.attrib["name"]] = _body(mass, pose.position_xyz, tensor)
+            links[link.name] = _body(link.inertial.mass, pose.position_xyz, tensor)
     joints: dict[str, Reading] = {
         joint.name: {
             "type": joint.type,

@@ -17,14 +17,13 @@ import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
-from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
 
 from sim_action.core.geometry import Pose, Quaternion
 from sim_action.core.lazy_numpy import FloatArray
-from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Surface
+from sim_action.robot.model.robot_model import ENGINE_MARGIN_M, Shape, Surface
 from sim_action.world import GROUND, Body, World
 from sim_action.world.parts import (
     BoxPart,
@@ -225,15 +224,13 @@ def wxyz(orientation: Quaternion) -> list[float]:
     return [w, x, y, z]
 
 
-def add_collision(
-    spec: Any, body: Any, name: str, shape: Element, pose: Pose, *, hull_files: Mapping[str, bytes]
-) -> Iterator[str]:
-    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh in `hull_files`."""
-    if shape.tag != "mesh":
-        yield add_geom(body, name, pose, **_primitive(shape))
+def add_collision(spec: Any, body: Any, name: str, shape: Shape) -> Iterator[str]:
+    """Add a shape of a link to a body; yield the names of its geoms, one per hull of a mesh."""
+    if not shape.hulls:
+        yield add_geom(body, name, shape.pose, **_primitive(shape))
         return
-    for number, mesh in enumerate(_meshes(spec, shape.attrib["filename"], hull_files)):
-        yield add_geom(body, f"{name}.{number}", pose, type=GEOM.mjGEOM_MESH, meshname=mesh)
+    for number, mesh in enumerate(_meshes(spec, shape.hulls)):
+        yield add_geom(body, f"{name}.{number}", shape.pose, type=GEOM.mjGEOM_MESH, meshname=mesh)
 
 
 def add_geom(body: Any, name: str, pose: Pose, **properties: Any) -> str:
@@ -249,27 +246,29 @@ def lowest_geom(model: Any, data: Any, geoms: Sequence[int]) -> float | None:
     return min((_lowest(model, data, geom) for geom in geoms), default=None)
 
 
-def _primitive(shape: Element) -> dict[str, Any]:
-    radius, half_length = (float(shape.get(name, 0)) for name in ("radius", "length"))
-    half_length /= 2
+def _primitive(shape: Shape) -> dict[str, Any]:
+    radius, half_length = shape.radius or 0.0, (shape.length or 0.0) / 2
     sizes: dict[str, tuple[Any, list[float]]] = {
-        "box": (GEOM.mjGEOM_BOX, [float(size) / 2 for size in shape.get("size", "0 0 0").split()]),
+        "box": (GEOM.mjGEOM_BOX, list(shape.upper_xyz)),
         "sphere": (GEOM.mjGEOM_SPHERE, [radius, 0, 0]),
         "cylinder": (GEOM.mjGEOM_CYLINDER, [radius, half_length, 0]),
         "capsule": (GEOM.mjGEOM_CAPSULE, [radius, half_length, 0]),
     }
-    kind, size = sizes[shape.tag]
+    kind, size = sizes[shape.kind]
     return {"type": kind, "size": size}
 
 
-def _meshes(spec: Any, filename: str, hull_files: Mapping[str, bytes]) -> list[str]:
-    """Return the mesh names of a file's hulls, which are added only once."""
-    existing = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
+def _meshes(spec: Any, hulls: bytes) -> list[str]:
+    """Return the mesh names of hulls, which are added only once; `hulls`: as in `Shape`."""
+    from sim_action.meshes.collision_hulls import hull_file_name  # most robots of a short run have no meshes
+
+    name = hull_file_name(hulls)
+    existing = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == name]
     if existing:
         return existing
     names = []
-    for number, points in enumerate(read_unshrunk_hulls(hull_files[filename])):
-        names.append(f"{filename}#{number}")
+    for number, points in enumerate(read_unshrunk_hulls(hulls)):
+        names.append(f"{name}#{number}")
         # Links state their masses; "shell" avoids computing the volume of thin hulls.
         shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         spec.add_mesh(name=names[-1], uservert=points.ravel().tolist(), inertia=shell)

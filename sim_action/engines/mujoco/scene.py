@@ -6,8 +6,6 @@ import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Final, Self
-from xml.etree import ElementTree as ET
-from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
@@ -33,8 +31,16 @@ from sim_action.engines.mujoco.geoms import (
     weigh,
     wxyz,
 )
-from sim_action.robot.documents.urdf_elements import MOMENTS, child_of, number, origin
-from sim_action.robot.model.robot_model import STOP_PLAY, WORLD, Joint, Mimic, RobotModel, Surface, ball_orientation
+from sim_action.robot.model.robot_model import (
+    STOP_PLAY,
+    WORLD,
+    Joint,
+    Link,
+    Mimic,
+    RobotModel,
+    Surface,
+    ball_orientation,
+)
 from sim_action.world import Disturbance, placed
 from sim_action.world.parts import MassProperties, symmetric, turned_tensor
 from sim_action.world.scene import EGO, MAX_RAISED_M, Scene
@@ -354,33 +360,33 @@ _FAR: Final = 1e16  # rad or m, beyond any joint. MuJoCo accepts no range that i
 
 
 def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
-    """Add the links and joints of a URDF with the base at the origin; return the colliders."""
-    # `sim_action.robot` wrote this text.
-    root = ET.fromstring(model.urdf)  # noqa: S314 - see above
-    links = {link.attrib["name"]: link for link in root.iterfind("link")}
-    joints = {joint.attrib["name"]: joint for joint in root.iterfind("joint")}
+    """Add the links and joints of a model with the base at the origin; return the colliders."""
     base = spec.worldbody.add_body(name=engine_name(model.root))
     if not fixed:
         base.add_freejoint(align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
-    colliders = _fill(spec, base, links[model.root], model)
+    colliders = _fill(spec, base, model.links_by_name[model.root])
     waiting = [(model.root, base)]
     while waiting:
         parent, above = waiting.pop()
         for joint in (joint for joint in model.joints if joint.parent == parent):
             # MuJoCo has joints in series in one body, and no massless bodies.
             parts = [joint, *_in_series(model, joint)]
-            element = joints[parts[-1].ball or parts[-1].name]
-            child = child_of(element)
+            child = _end_of(model, parts[-1]).child
             at = joint.origin
             body = above.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
             for part in parts:
-                _join(body, part, joints[part.ball or part.name])
-            colliders += _fill(spec, body, links[child], model)
+                _join(body, part)
+            colliders += _fill(spec, body, model.links_by_name[child])
             waiting.append((child, body))
     for joint in model.joints:
         if joint.mimic is not None:
             _follow(spec, joint, joint.mimic)
     return colliders
+
+
+def _end_of(model: RobotModel, joint: Joint) -> Joint:
+    """Return the last part of a ball joint; any other joint is its own end."""
+    return [part for part in model.joints if part.ball == joint.ball][-1] if joint.ball else joint
 
 
 def _in_series(model: RobotModel, joint: Joint) -> Iterator[Joint]:
@@ -395,19 +401,18 @@ def _in_series(model: RobotModel, joint: Joint) -> Iterator[Joint]:
         joint = following
 
 
-def _join(body: Any, joint: Joint, element: Element) -> None:
-    """Add a joint to its body; `joint`: of a ball joint, its first part."""
-    dynamics = element.find("dynamics")
+def _join(body: Any, joint: Joint) -> None:
+    """Add a joint to its body; of a ball joint, `joint` is its first part."""
+    damping = [joint.damping, 0, 0]
     if joint.ball:
-        damping = [_number(dynamics, "damping"), 0, 0]
         body.add_joint(name=engine_name(joint.ball), type=mujoco.mjtJoint.mjJNT_BALL, damping=damping)
     elif joint.moves:
         body.add_joint(
             name=engine_name(joint.name),
             type=_JOINT_TYPES[joint.type],
             axis=list(joint.axis_xyz),
-            damping=[_number(dynamics, "damping"), 0, 0],
-            frictionloss=_number(dynamics, "friction"),
+            damping=damping,
+            frictionloss=joint.friction,
             stiffness=[joint.stiffness, 0, 0],
             springref=joint.spring_reference,
             **_limits(joint),
@@ -433,30 +438,17 @@ def _limits(joint: Joint) -> dict[str, Any]:
     return {"limited": mujoco.mjtLimited.mjLIMITED_TRUE, "range": [lower - STOP_PLAY, upper + STOP_PLAY]}
 
 
-def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collider]:
-    inertial = link.find("inertial")
-    if inertial is not None and _number(inertial.find("mass"), "value") > 0:
+def _fill(spec: Any, body: Any, link: Link) -> list[Collider]:
+    if link.inertial is not None and link.inertial.mass > 0:
         # The mass properties in the axes of the link: MuJoCo accepts a full tensor in no others.
-        pose = origin(inertial)
-        inertia = inertial.find("inertia")
-        tensor = symmetric(_number(inertia, name) for name in MOMENTS)
-        mass = _number(inertial.find("mass"), "value")
-        weigh(body, MassProperties(mass, pose.position_xyz, turned_tensor(tensor, pose.orientation_xyzw)))
-    name = link.attrib["name"]
-    surface = model.links_by_name[name].surface
-    colliders = []
-    for index, collision in enumerate(link.iterfind("collision")):
-        shape = collision.find("geometry/*")
-        assert shape is not None
-        added = add_collision(
-            spec, body, f"robot/{name}/{index}", shape, origin(collision), hull_files=model.hull_files
-        )
-        colliders += [Collider(geom, name, surface) for geom in added]
-    return colliders
-
-
-def _number(element: Element | None, name: str) -> float:
-    return number(element, name) or 0.0
+        pose = link.inertial.pose
+        tensor = turned_tensor(symmetric(link.inertial.moments), pose.orientation_xyzw)
+        weigh(body, MassProperties(link.inertial.mass, pose.position_xyz, tensor))
+    return [
+        Collider(geom, link.name, link.surface)
+        for index, shape in enumerate(link.collisions)
+        for geom in add_collision(spec, body, f"robot/{link.name}/{index}", shape)
+    ]
 
 
 def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:

@@ -18,16 +18,16 @@ from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, flag_of, 
 from sim_action.robot.documents.urdf_elements import (
     CONTACT,
     MAX_NUMBER,
-    MOMENTS,
     NUMBERS,
-    SHAPES,
     SPRING,
     is_expression,
     is_numbers,
     number_text,
 )
 from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.draft import SHAPES
 from sim_action.robot.model.findings import Finding
+from sim_action.robot.model.robot_model import MOMENTS
 
 _REQUIRED: Final = {
     "link": ("name",),
@@ -92,13 +92,11 @@ _MAX_TAG_CHARS: Final = 30
 
 
 def root(document: ModelDocument) -> Iterator[Finding]:
-    """Yield a finding if the file is not a URDF, or has no link."""
+    """Yield a finding if the file is not a URDF."""
     root = document.root
     if root.tag != "robot":
         message = f"the root element of a URDF is <robot>, but this file has <{root.tag}>"
         yield document.finding("not-a-robot", root, message + _HINTS.get(root.tag, ""))
-    elif root.find("link") is None:
-        yield document.finding("not-a-robot", root, "the model has no <link>; at least one is required")
 
 
 def required_attributes(document: ModelDocument) -> Iterator[Finding]:
@@ -383,10 +381,15 @@ def frictions(document: ModelDocument) -> Iterator[Finding]:
     for tag in document.elements("gazebo"):
         mu1, mu2 = (number_text(tag, name) for name in ("mu1", "mu2"))
         if mu1 and mu2 and not is_expression(mu1 + mu2) and float(mu1) != float(mu2):
-            message = (
-                f"mu1 is {mu1} and mu2 is {mu2}, but friction cannot depend on the direction: mu1 is used for both"
-            )
-            yield document.finding("two-frictions", tag, message)
+            yield document.finding("two-frictions", tag, no_direction("mu1", mu1, "mu2", mu2))
+
+
+def no_direction(first: str, used: str, second: str, unused: str) -> str:
+    """Return the message of the rule `two-frictions`, with the names and values of both coefficients."""
+    return (
+        f"{first} is {used} and {second} is {unused}, but friction cannot depend on the direction: {first} is used "
+        "for both"
+    )
 
 
 def unread_parts(document: ModelDocument) -> Iterator[Finding]:

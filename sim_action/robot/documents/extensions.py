@@ -4,25 +4,20 @@
 - ros2_control: the parameters `mimic`, `multiplier` and `offset` of a joint, and its start position in `initial_value`
   or, in old descriptions, `initial_position` (control.ros.org, "gz_ros2_control" and "Mock Components").
 - Drake: the friction in <drake:proximity_properties> (drake.mit.edu, "Parsing").
-
-Joints with several motions become joints in series with massless links between them: a planar joint is two slides in
-the plane normal to its axis and a hinge about the axis, a universal joint is two hinges, and a floating joint below the
-base is three slides and a ball joint. No motor holds any of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.errors import Location
-from sim_action.core.geometry import Vector3
-from sim_action.core.records import dataclass, field, replace
-from sim_action.robot.documents.urdf_elements import axis, child_of, is_numbers, parent_of
+from sim_action.core.records import replace
+from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.findings import Finding
 
@@ -122,102 +117,3 @@ def _drake_friction(collision: Element) -> Element | None:
     properties = {child.tag: child for child in collision}.get(f"{_DRAKE}proximity_properties", ())
     stated = {part.tag.removeprefix(_DRAKE): part for part in properties}
     return next((stated[name] for name in _DRAKE_FRICTION if name in stated), None)
-
-
-SERIES: Final[Mapping[str, tuple[str, ...]]] = {
-    "planar": ("x", "y", "turn"),
-    "universal": ("1", "2"),
-    "floating": ("slide_x", "slide_y", "slide_z"),
-}
-"""Type of a joint with several motions -> the ends of the names of its parts; in "floating", a ball joint follows."""
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """The joints and links that replace joints with several motions."""
-
-    # name of each joint -> name of the joint in the file of which it is a part
-    joints: dict[str, str] = field(default_factory=dict)
-    links: set[str] = field(default_factory=set)  # names of the massless links
-
-
-def part_names(joint: Element) -> tuple[str, ...]:
-    """Return the names of the joints in series that replace a joint; massless links have the same names."""
-    return tuple(f"{joint.attrib['name']}_{end}" for end in SERIES.get(joint.attrib["type"], ()))
-
-
-def expand_series(document: ModelDocument) -> Series:
-    """Replace the joints with several motions."""
-    made = Series()
-    for joint in list(document.elements("joint")):
-        if joint.attrib["type"] in SERIES:
-            _expand(document.root, joint, made)
-    return made
-
-
-def _expand(root: Element, joint: Element, made: Series) -> None:
-    name, kind, names = joint.attrib["name"], joint.attrib["type"], part_names(joint)
-    ends = [*names, child_of(joint)] if kind == "floating" else [*names[:-1], child_of(joint)]
-    above = parent_of(joint)
-    parts = list[Element]()
-    for made_joint, end, (motion, along) in zip(names, ends, _motions(joint), strict=False):
-        written = _joint(made_joint, motion, above, end)
-        ET.SubElement(written, "axis", xyz=" ".join(map(repr, along)))
-        parts.append(written)
-        made.joints[made_joint] = name
-        above = end
-    if kind == "floating":
-        parts.append(_joint(name, "spherical", above, ends[-1]))
-    parts[0].extend(joint.findall("origin"))
-    for part in parts:
-        part.extend(_dynamics(joint, part))
-    place = list(root).index(joint)
-    root[place : place + 1] = parts
-    for end in ends[:-1]:
-        ET.SubElement(root, "link", name=end)
-        made.links.add(end)
-
-
-def _motions(joint: Element) -> Iterator[tuple[str, Vector3]]:
-    """Yield the type and axis of each part, in the order from the parent to the child."""
-    kind = joint.attrib["type"]
-    if kind == "floating":
-        yield from (("prismatic", along) for along in geometry.AXES)
-    elif kind == "planar":
-        normal = axis(joint)
-        # The x axis of the plane normal to an axis: x for z, y for x, z for y.
-        x, y, z = map(abs, normal)
-        start = geometry.AXES[1 if x >= max(y, z) else 2 if y >= z else 0]
-        along = sum(a * b for a, b in zip(start, normal, strict=True))
-        rest = tuple(a - along * b for a, b in zip(start, normal, strict=True))
-        length = math.hypot(*rest)
-        first = (rest[0] / length, rest[1] / length, rest[2] / length)
-        yield "prismatic", first
-        yield "prismatic", geometry.cross(normal, first)
-        yield "continuous", normal
-    else:
-        for tag in ("axis", "axis2"):
-            limit = joint.find(tag.replace("axis", "limit"))
-            is_limited = limit is not None and bool({"lower", "upper"} & limit.attrib.keys())
-            yield "revolute" if is_limited else "continuous", axis(joint, tag)
-
-
-def _joint(name: str, kind: str, parent: str, child: str) -> Element:
-    joint = Element("joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    return joint
-
-
-def _dynamics(joint: Element, part: Element) -> Iterator[Element]:
-    """Yield <limit> and <dynamics> of a part: in a universal joint each axis has its own, else only damping counts."""
-    if joint.attrib["type"] == "universal":
-        end = "2" if part.attrib["name"].endswith("_2") else ""
-        for tag in ("limit", "dynamics"):
-            stated = joint.find(tag + end)
-            if stated is not None:
-                yield Element(tag, stated.attrib)
-        return
-    stated = joint.find("dynamics")
-    if stated is not None and "damping" in stated.attrib:
-        yield Element("dynamics", damping=stated.attrib["damping"])

@@ -14,7 +14,8 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.documents.part_table import Unread
-from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
+from sim_action.robot.documents.urdf_elements import is_numbers
+from sim_action.robot.model.draft import UNLIMITED
 from sim_action.robot.model.findings import Finding, Places, finding
 
 Subject = TypeVar("Subject")
@@ -124,6 +125,15 @@ def needed(parent: Element, tag: str) -> Element:
     if element is None:
         raise SdfProblem("missing-part", parent, f"<{parent.tag}> has no <{tag}>")
     return element
+
+
+def amount_of(parent: Element, path: str) -> float:
+    """Return a number of 0 or more of an element below, or 0 if there is none. Raises SdfProblem."""
+    value = number_of(parent, path, 0.0)
+    if value < 0:
+        message = f"<{path.rpartition('/')[2]}> is '{value:g}': expected a finite number of 0 or more"
+        raise SdfProblem("bad-number", needed(parent, path), message)
+    return value
 
 
 def limit_of(limit: Element | None, tag: str, otherwise: float) -> float:

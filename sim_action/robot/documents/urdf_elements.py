@@ -6,27 +6,17 @@ Numbers in <gazebo> are text, or an attribute `value`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import PurePath
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core import geometry
 from sim_action.core.errors import Location
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Vector3
 from sim_action.robot.documents.xml_document import ModelDocument
 from sim_action.robot.model.robot_model import Plugin, Surface
 
-MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")  # the attributes of <inertia>
-
-SHAPES: Final[Mapping[str, tuple[str, ...]]] = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-}
-"""Shapes other than meshes -> their attributes."""
+LENGTHS: Final = {"size": 3}  # attribute of a shape -> the count of its numbers; others have one
 
 CONTACT: Final = (
     "lateral_friction",
@@ -40,14 +30,7 @@ CONTACT: Final = (
 )
 """Elements of Bullet's <contact>, an extension of URDF, without inertia_scaling."""
 
-BALLS: Final = ("spherical", "ball")
-"""Types of ball joints in dialects of URDF: Bullet's and Drake's."""
-
-UNLIMITED: Final = 1e16
-"""A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
-
 MAX_NUMBER: Final = 1e18  # the largest number that is accepted: squares of larger numbers overflow
-MAX_PART_SIZE_M: Final = 50.0  # a part of a robot that is larger was probably drawn in millimetres
 NUMBERS: Final = ("mu1", "mu2", "kp", "kd")  # the numbers that are read from the <gazebo> tag of a link
 
 # Gazebo copies <collision> of a <gazebo> tag into each collision of the link.
@@ -93,37 +76,10 @@ def number(element: Element | None, name: str) -> float | None:
     return parsed[0] if parsed else None
 
 
-def vector(element: Element | None, name: str, otherwise: Vector3) -> Vector3:
-    """Return the three numbers of an attribute, or `otherwise` if there are none."""
-    x, y, z = numbers(element, name) or otherwise
-    return (x, y, z)
-
-
-def origin(element: Element) -> Pose:
-    """Return the <origin> of an element, in the frame of its link or parent link."""
-    stated = element.find("origin")
-    rpy = vector(stated, "rpy", geometry.ZERO)
-    return Pose(vector(stated, "xyz", geometry.ZERO), geometry.quaternion_from_rpy(*rpy))
-
-
-def axis(joint: Element, tag: str = "axis") -> Vector3:
-    """Return the axis of a joint, of unit length; the x axis if it is missing."""
-    x, y, z = vector(joint.find(tag), "xyz", (1.0, 0.0, 0.0))
-    # Scale by the largest component first: squares of small numbers would underflow.
-    largest = max(abs(x), abs(y), abs(z)) or 1.0
-    x, y, z = x / largest, y / largest, z / largest
-    length = math.hypot(x, y, z)
-    return (x / length, y / length, z / length) if length else (1.0, 0.0, 0.0)
-
-
-def limits(joint: Element) -> tuple[float | None, float | None]:
-    """Return the limits of a joint in rad (m), None for "no limit"; as in URDF, one that is missing is 0."""
-    limit = joint.find("limit")
-    lower, upper = number(limit, "lower"), number(limit, "upper")
-    if joint.get("type") == "continuous" or (lower, upper) == (None, None):
-        return None, None
-    lower, upper = lower or 0.0, upper or 0.0
-    return (lower if lower > -UNLIMITED else None), (upper if upper < UNLIMITED else None)
+def vector(element: Element | None, name: str) -> Vector3 | None:
+    """Return the three numbers of an attribute; None as in `numbers`."""
+    parsed = numbers(element, name)
+    return None if parsed is None else (parsed[0], parsed[1], parsed[2])
 
 
 def parent_of(joint: Element) -> str:
@@ -188,7 +144,7 @@ def flag(text: str) -> bool:
 
 def plugins_of(document: ModelDocument) -> tuple[Plugin, ...]:
     """Return the plugins that the model asks Gazebo to load."""
-    return tuple(_plugin(element, document.places.get(element)) for element in document.elements("gazebo/plugin"))
+    return tuple(plugin_of(element, document.places.get(element)) for element in document.elements("gazebo/plugin"))
 
 
 def _number(tag: Element, name: str) -> float | None:
@@ -201,6 +157,7 @@ def plugin_name(plugin: Element) -> str:
     return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
 
 
-def _plugin(element: Element, place: Location | None) -> Plugin:
+def plugin_of(element: Element, place: Location | None) -> Plugin:
+    """Return the plugin of an element that stands at a place."""
     parameters = tuple((child.tag, (child.text or "").strip()) for child in element)
     return Plugin(plugin_name(element), parameters, element.get("name", ""), place)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from sim_action.core import geometry, units
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
-from sim_action.core.records import dataclass, field
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.findings import Finding
@@ -162,6 +162,7 @@ class Shape:
     hulls: bytes = field(default=b"", repr=False)
     # the points (P, 3) of a mesh of MJCF in m, as 32-bit floats in its own frame; else empty
     corners: bytes = field(default=b"", repr=False)
+    length: float | None = None  # m, of cylinders, and of capsules without their ends; not in MJCF
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +196,20 @@ class Surface:
     gap: float = 0.0
 
 
+Moments = tuple[float, float, float, float, float, float]  # kg m^2: xx, xy, xz, yy, yz, zz
+MOMENTS: Final = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+"""The names of `Moments`, in their order -> their rows and columns in the tensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """The mass and inertia of a link in an engine."""
+
+    mass: float  # kg
+    pose: Pose  # the centre of mass and the axes of the moments, in the link's frame
+    moments: Moments  # about the centre of mass
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """A rigid part of the robot."""
@@ -205,6 +220,7 @@ class Link:
     surface: Surface = Surface()
     centre_of_mass_xyz: Vector3 = ZERO  # m, in the link's frame
     visuals: tuple[Visual, ...] = ()  # its visual shapes
+    inertial: Inertial | None = None  # repaired and completed; None in MJCF, and inside a ball joint
 
     @property
     def has_mesh(self) -> bool:
@@ -240,6 +256,8 @@ class Joint:
     reference: float = 0.0  # rad (m), the position in which the model is drawn; 0 in URDF
     stiffness: float = 0.0  # of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
     spring_reference: float = 0.0  # rad (m), the position at which the spring is at rest
+    damping: float = 0.0  # N m s/rad (N s/m)
+    friction: float = 0.0  # N m (N), independent of the speed
     series: str = ""  # the joint with several motions of which this is one; empty for other joints. No motor holds it.
     ball: str = ""  # the ball joint of which this is the rotation about one axis; empty for other joints
     # the motor that the model states; None: an ideal servo moves the joint when it is commanded
@@ -285,7 +303,7 @@ class Joint:
 
 
 def ball_joints(
-    name: str, parent: str, child: str, origin: Pose, anchor_xyz: Vector3 = ZERO
+    name: str, parent: str, child: str, origin: Pose, anchor_xyz: Vector3 = ZERO, *, damping: float = 0.0
 ) -> tuple[tuple[Joint, Joint, Joint], tuple[Link, Link]]:
     """Return a ball joint as three joints in series, about x, y and z, and the two massless links between them.
 
@@ -294,11 +312,12 @@ def ball_joints(
     """
     first, second = f"{name}_x", f"{name}_y"
     joints = (
-        Joint(first, "ball", parent, first, origin, (1.0, 0.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
-        Joint(second, "ball", first, second, Pose(), (0.0, 1.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
-        Joint(f"{name}_z", "ball", second, child, Pose(), (0.0, 0.0, 1.0), anchor_xyz=anchor_xyz, ball=name),
+        Joint(first, "ball", parent, first, origin, (1.0, 0.0, 0.0)),
+        Joint(second, "ball", first, second, Pose(), (0.0, 1.0, 0.0)),
+        Joint(f"{name}_z", "ball", second, child, Pose(), (0.0, 0.0, 1.0)),
     )
-    return joints, (Link(first, None), Link(second, None))
+    x, y, z = (replace(joint, anchor_xyz=anchor_xyz, ball=name, damping=damping) for joint in joints)
+    return (x, y, z), (Link(first, None), Link(second, None))
 
 
 def ball_angles(orientation_xyzw: Quaternion) -> Vector3:

@@ -26,6 +26,7 @@ from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument, read_document
 from sim_action.robot.model.findings import Finding, limited_notes, without_harmless
 from sim_action.robot.model.robot_model import RobotModel, Srdf, keyframe_of
+from sim_action.robot.reading.building import built
 from sim_action.robot.reading.urdf import model_of, read_urdf
 
 if TYPE_CHECKING:
@@ -147,12 +148,9 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         return replace(model, findings=(*model.findings, *document.findings))
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
-    from sim_action.robot.reading.sdf.conversion import urdf_of_sdf  # a usual run does without it
+    from sim_action.robot.reading.sdf.conversion import draft_of_sdf  # a usual run does without it
 
-    urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
-    model = model_of(urdf, path, packages, allow)
-    kept, harmless = without_harmless(findings)
-    return replace(model, findings=(*model.findings, *kept), harmless=harmless)
+    return built(*draft_of_sdf(document, path, packages, allow, name), path, packages, allow)
 
 
 def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:

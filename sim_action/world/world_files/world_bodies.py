@@ -33,8 +33,8 @@ from sim_action.robot.documents.sdf_elements import (
     text_of,
     vector_of,
 )
-from sim_action.robot.model.robot_model import WORLD
-from sim_action.robot.reading.sdf.auto_inertia import MOMENTS, auto_inertia, stated_moments
+from sim_action.robot.model.robot_model import MOMENTS, WORLD, Moments
+from sim_action.robot.reading.sdf.auto_inertia import auto_inertia, stated_moments
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Entry, Scope
 from sim_action.robot.reading.sdf.frames import Frames
 from sim_action.robot.reading.sdf.worlds import SdfWorld, joint_end
@@ -469,7 +469,6 @@ def joined(lumps: Sequence[MassProperties]) -> MassProperties:
     return MassProperties(total, (x, y, z), np.asarray(inertia))
 
 
-def stated_tensor(moments: Mapping[str, float], orientation: Quaternion) -> NDArray[np.float64]:
+def stated_tensor(moments: Moments, orientation: Quaternion) -> NDArray[np.float64]:
     """Return the tensor of stated moments, whose axes have an orientation, in the outer axes."""
-    entries = symmetric(moments[name] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    return turned_tensor(entries, orientation)
+    return turned_tensor(symmetric(moments), orientation)

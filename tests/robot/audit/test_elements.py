@@ -147,7 +147,7 @@ def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
     sensors = '<sensor type="imu" name="i"/><sensor type="gpu_lidar" name="l"/>'
     wing = '<plugin filename="gz-sim-lift-drag-system" name="gz::sim::systems::LiftDrag"/>'
     drive = '<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive"/>'
-    lift, lidar = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
+    lidar, lift = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
     assert lidar.message.startswith("<sensor type=\"imu\"> 'i' of link 'a'")
     assert lidar.message.endswith("(2 of them; line 3)")
     assert "the force of plugin 'gz::sim::systems::LiftDrag' is not simulated" in lift.message

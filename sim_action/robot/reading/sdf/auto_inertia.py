@@ -15,10 +15,9 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Solid, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.documents.sdf_elements import SdfProblem, needed, number_of, numbers_of, vector_of
+from sim_action.robot.model.robot_model import MOMENTS, Moments
 
 _DENSITY: Final = 1000.0
-MOMENTS: Final = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-"""Name of a moment -> its row and column in the tensor."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,13 @@ class Inertia:
 
     mass: float
     centre_xyz: Vector3
-    moments: Mapping[str, float]
+    moments: Moments
 
 
-def stated_moments(inertia: Element) -> dict[str, float]:
+def stated_moments(inertia: Element) -> Moments:
     """Return the moments in <inertia> in kg m^2, or their defaults. Raises SdfProblem."""
-    return {name: number_of(inertia, name, float(row == column)) for name, (row, column) in MOMENTS.items()}
+    xx, xy, xz, yy, yz, zz = (number_of(inertia, name, float(row == column)) for name, (row, column) in MOMENTS.items())
+    return xx, xy, xz, yy, yz, zz
 
 
 def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) -> Inertia:
@@ -49,15 +49,16 @@ def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) 
     ]
     x, y, z = map(sum, zip(*weighted, strict=True))
     scale = number_of(inertial, "mass", total) / total
-    moments = dict.fromkeys(MOMENTS, 0.0)
+    moments = [0.0] * len(MOMENTS)
     for mass, (_, solid, pose) in zip(masses, solids, strict=True):
         at = tuple(part - centre for part, centre in zip(pose.position_xyz, (x, y, z), strict=True))
         turned = [geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES]
-        for name, (row, column) in MOMENTS.items():
+        for index, (row, column) in enumerate(MOMENTS.values()):
             own = sum(moment * axis[row] * axis[column] for moment, axis in zip(solid.moments, turned, strict=True))
             away = (sum(part**2 for part in at) if row == column else 0.0) - at[row] * at[column]
-            moments[name] += scale * mass * (own + away)
-    return Inertia(scale * total, (x, y, z), moments)
+            moments[index] += scale * mass * (own + away)
+    xx, xy, xz, yy, yz, zz = moments
+    return Inertia(scale * total, (x, y, z), (xx, xy, xz, yy, yz, zz))
 
 
 def _solid(inertial: Element, holder: Element) -> Solid:

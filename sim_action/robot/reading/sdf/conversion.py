@@ -1,4 +1,4 @@
-"""Convert SDF (sdformat.org/spec, versions 1.3 to 1.12) to a URDF document whose elements know their place in the SDF.
+"""Read a model of SDF (sdformat.org/spec, versions 1.3 to 1.12) into the draft of a robot.
 
 The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
 the axis of its joint does not go through its origin, its frame is at the joint (`links_and_joints.py`). A model that is
@@ -14,23 +14,20 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core import geometry
+from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose
 from sim_action.core.records import dataclass
-from sim_action.robot.audit.elements import note_parts
+from sim_action.robot.audit.elements import note_parts, note_plugin
 from sim_action.robot.documents.packages import NEWEST, Packages
 from sim_action.robot.documents.sdf_elements import Notes
+from sim_action.robot.documents.urdf_elements import plugin_of
 from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.draft import JointDraft, LinkDraft, RobotDraft, origin_at
 from sim_action.robot.model.findings import Finding, refuse_errors
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.robot.reading.sdf.composition import SEPARATOR, Assembly, Entry, Scope, read_sdf_file
 from sim_action.robot.reading.sdf.frames import Frames
-from sim_action.robot.reading.sdf.links_and_joints import (
-    JointWriter,
-    LinkWriter,
-    ResolvedJoint,
-    UrdfWriter,
-    resolve_joint,
-)
+from sim_action.robot.reading.sdf.links_and_joints import JointReader, LinkReader, ResolvedJoint, resolve_joint
 from sim_action.robot.reading.sdf.worlds import robot_scope
 
 _MIN_ROTATION_RAD: Final = 1e-6
@@ -40,7 +37,7 @@ _MIN_ROTATION_RAD: Final = 1e-6
 class Kinematics:
     """The links and joints with all poses; not yet checked to be a tree."""
 
-    placed: Mapping[Entry, Pose]  # link -> its URDF frame, in the outermost model's frame
+    placed: Mapping[Entry, Pose]  # link -> its frame in the draft, in the outermost model's frame
     joints: tuple[ResolvedJoint, ...]  # the joints of the file
     in_world: Pose  # the outermost model's frame, in the world
     static: tuple[Entry, ...]  # static links without a joint; they are fixed to the world
@@ -80,10 +77,10 @@ def _placed(frames: Frames, link: Entry, carrier: ResolvedJoint | None) -> Pose:
     return geometry.compose(pose, Pose(carrier.shift(pose) if carrier else ZERO))
 
 
-def urdf_of_sdf(
+def draft_of_sdf(
     document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = ""
-) -> tuple[ModelDocument, tuple[Finding, ...]]:
-    """Return the URDF of a parsed SDF, and the findings. Raises ModelError.
+) -> tuple[RobotDraft | None, list[Finding]]:
+    """Return the robot of a parsed SDF, and the findings; no robot if one of them is fatal. Raises ModelError.
 
     `path`: the file of the document; `allow`: rules whose errors are accepted; `name`: name of the model in a world;
     empty: the file has one model.
@@ -99,35 +96,35 @@ def urdf_of_sdf(
             f"SDF {document.root.get('version')} is newer than {NEWEST[0]}.{NEWEST[1]}, and is read as that version"
         )
         notes.add("passed-over", document.root, message)
-    allowed = set(allow)
-    refuse_errors(notes.findings, allowed)
+    refuse_errors(notes.findings, allow)
     if document.root.tag == "sdf":
         notes.places.setdefault(document.root, document.places[document.root])
         note_parts(notes, document.root, "the file", frozenset({"world"}))
-    urdf = convert(scope, notes, places_base=bool(name))
-    refuse_errors(notes.findings, allowed)
-    return urdf, tuple(notes.findings)
+    draft = _draft_of(scope, notes, places_base=bool(name))
+    is_fatal = any(finding.level == "fatal" for finding in notes.findings)
+    return None if is_fatal else draft, notes.findings
 
 
-def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDocument:
-    """Return the URDF as far as possible; problems are noted. `places_base`: the base starts where the file has it."""
+def _draft_of(scope: Scope, notes: Notes, *, places_base: bool = False) -> RobotDraft | None:
+    """Return the robot of a model as far as possible; `places_base`: the base starts where the file has it."""
     frames = Frames(scope)
     kinematics = kinematics_of(scope, frames, notes)
-    writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)
     if any(finding.level == "fatal" for finding in notes.findings):
-        return writer.document()
-    if kinematics.needs_world and scope.find(WORLD) is None:
-        writer.add(writer.root, "link", scope.element, name=WORLD)
-    _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
-    for link in kinematics.static:
-        # Fix a static link to the world with a generated joint.
-        source = link.element
-        joint = writer.add(writer.root, "joint", source, name=f"{WORLD}{SEPARATOR}{link.full_name}", type="fixed")
-        writer.add_origin(joint, source, kinematics.pose_in(None, link))
-        writer.add(joint, "parent", source, link=WORLD)
-        writer.add(joint, "child", source, link=link.full_name)
-    for plugin in scope.plugins():
-        writer.share(writer.add(writer.root, "gazebo", plugin), plugin)
+        return None
+    place = notes.places[scope.element]
+    is_fixed = kinematics.needs_world and scope.find(WORLD) is None
+    links = [LinkDraft(WORLD, place)] if is_fixed else []
+    link_reader, joint_reader = LinkReader(notes, frames), JointReader(notes, frames)
+    for link in kinematics.placed.items():
+        links += filter(None, [notes.attempt(lambda link: link_reader.read(*link), link)])
+    joints = list[JointDraft]()
+    for joint in kinematics.joints:
+        origin = kinematics.pose_in(joint.parent, joint.child)
+        joints += filter(None, [notes.attempt(lambda placed: joint_reader.read(*placed), (joint, origin))])
+    joints += [_bolt(link, notes.places[link.element], kinematics.pose_in(None, link)) for link in kinematics.static]
+    plugins = list(scope.plugins())
+    for plugin in plugins:
+        note_plugin(notes, plugin)
     if not places_base:
         _note_rotated_base(notes, kinematics)
     # Note the parts of models and of <include> that are not read. Parts of links and joints are noted elsewhere.
@@ -138,15 +135,16 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
                 note_parts(notes, entry.element, "<include>")
     notes.report_parts()
     _note_frames(notes, scope)
-    return writer.document()
+    name = scope.element.get("name") or scope.file.path.stem
+    return RobotDraft(
+        name, place, tuple(links), tuple(joints), tuple(plugin_of(plugin, notes.places[plugin]) for plugin in plugins)
+    )
 
 
-def _write_tree(kinematics: Kinematics, links: LinkWriter, joints: JointWriter, notes: Notes) -> None:
-    for placed in kinematics.placed.items():
-        notes.attempt(lambda placed: links.write(*placed), placed)
-    for joint in kinematics.joints:
-        origin = kinematics.pose_in(joint.parent, joint.child)
-        notes.attempt(lambda placed: joints.write(*placed), (joint, origin))
+def _bolt(link: Entry, place: Location, pose: Pose) -> JointDraft:
+    """Return the joint that fixes a static link to the world."""
+    name = f"{WORLD}{SEPARATOR}{link.full_name}"
+    return JointDraft(name, "fixed", WORLD, link.full_name, place, origin_at(pose, place))
 
 
 def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:

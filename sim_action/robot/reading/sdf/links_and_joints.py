@@ -1,28 +1,28 @@
-"""Write the links and joints of SDF as URDF; each element keeps the place of its source.
+"""Read the links and joints of SDF into the draft of a robot; each part keeps the place of its source.
 
-An SDF joint has a frame of its own, and its axis goes through the origin of that frame. In URDF, it is the frame of the
-child link. So the axis is rotated into the child link's frame. If it does not go through the origin of that frame, the
-frame of the link in URDF is moved to the joint, without a rotation.
+An SDF joint has a frame of its own, and its axis goes through the origin of that frame. In a draft, it is the frame of
+the child link. So the axis is rotated into the child link's frame. If it does not go through the origin of that frame,
+the frame of the link is moved to the joint, without a rotation.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
-from sim_action.core.records import dataclass
-from sim_action.robot.audit.elements import note_contact, note_parts, note_sensors
+from sim_action.core.records import dataclass, replace
+from sim_action.robot.audit.elements import no_direction, note_contact, note_parts, note_sensors
 from sim_action.robot.documents.sdf_elements import (
     MODEL_FRAME,
     Notes,
     SdfProblem,
+    amount_of,
     flag_attribute,
     flag_of,
     limit_of,
@@ -32,9 +32,22 @@ from sim_action.robot.documents.sdf_elements import (
     text_of,
     vector_of,
 )
-from sim_action.robot.documents.urdf_elements import UNLIMITED, is_numbers
-from sim_action.robot.documents.xml_document import ModelDocument
-from sim_action.robot.model.robot_model import WORLD
+from sim_action.robot.documents.urdf_elements import LENGTHS, is_numbers
+from sim_action.robot.model.draft import (
+    SHAPES,
+    UNLIMITED,
+    InertialDraft,
+    JointDraft,
+    LimitDraft,
+    LinkDraft,
+    MeshDraft,
+    MotionDraft,
+    Paint,
+    ShapeDraft,
+    last_digit,
+    origin_at,
+)
+from sim_action.robot.model.robot_model import WORLD, Mimic, Surface
 from sim_action.robot.reading.sdf.auto_inertia import auto_inertia, stated_moments
 from sim_action.robot.reading.sdf.composition import FRAMES_NAMED, PARENT_MODEL_FLAG, Entry
 from sim_action.robot.reading.sdf.frames import Frames
@@ -53,65 +66,62 @@ _INSTEAD: Final[Mapping[str, str]] = {
     "cone": "convert it to a mesh",
 }
 
-# The sizes of each plain shape, and the count of numbers in each.
-_SIZES: Final = {
-    "box": {"size": 3},
-    "sphere": {"radius": 1},
-    "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1},
-}
 
+class LinkReader:
+    """Reads links. Problems become findings in `notes`."""
 
-class LinkWriter:
-    """Writes links into a URDF."""
+    def __init__(self, notes: Notes, frames: Frames) -> None:
+        self._notes, self._frames = notes, frames
 
-    def __init__(self, notes: Notes, frames: Frames, writer: UrdfWriter) -> None:
-        self._notes, self._frames, self._writer = notes, frames, writer
-
-    def write(self, entry: Entry, frame: Pose) -> None:
-        """Write a link. `frame`: the URDF link's frame, in the outermost model's frame. Raises SdfProblem."""
-        element, writer = entry.element, self._writer
-        link = writer.add(writer.root, "link", element, name=entry.full_name)
+    def read(self, entry: Entry, frame: Pose) -> LinkDraft:
+        """Return a link. `frame`: its frame in the draft, in the outermost model's frame. Raises SdfProblem."""
+        element = entry.element
         self._note_unsupported_parts(element, f"link '{entry.full_name}'")
-        inertial = element.find("inertial")
-        if inertial is None and not entry.owner.static and entry.full_name != WORLD:
-            # SDF's defaults count as for an empty one. A link that is fixed to the world needs no mass.
-            inertial = Element("inertial")
-            self._notes.places[inertial] = self._notes.places[element]
-        if inertial is not None and not self._write_auto_inertia(link, inertial, entry, frame):
-            self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
-        for holder in element:
-            if holder.tag in {"collision", "visual"}:
-                self._write_shape(link, holder, entry, frame)
-        if element.find("collision") is not None:
-            self._write_surface(element, entry.full_name)
+        inertial = self._inertial(entry, frame)
+        shapes = {tag: tuple(self._shapes(entry, tag, frame)) for tag in ("collision", "visual")}
+        return LinkDraft(
+            entry.full_name,
+            self._notes.places[element],
+            inertial,
+            shapes["collision"],
+            shapes["visual"],
+            surface=Surface() if element.find("collision") is None else self._surface(element, entry.full_name),
+        )
 
-    def _write_inertial(self, link: Element, source: Element, pose: Pose) -> None:
-        writer = self._writer
-        inertial = writer.add(link, "inertial", source)
-        writer.add_origin(inertial, source, pose)
+    def _inertial(self, entry: Entry, frame: Pose) -> InertialDraft | None:
+        source = entry.element.find("inertial")
+        if source is None:
+            # A link that is fixed to the world needs no mass.
+            if entry.owner.static or entry.full_name == WORLD:
+                return None
+            # SDF's defaults count as for an empty one.
+            source = Element("inertial")
+            self._notes.places[source] = self._notes.places[entry.element]
+        if flag_attribute(source, "auto") and (computed := self._computed_inertial(source, entry, frame)) is not None:
+            return computed
+        self._note_defaults(source, entry.full_name)
         mass, inertia = source.find("mass"), source.find("inertia")
-        self._note_defaults(source, link.attrib["name"])
-        kilograms = 1.0 if mass is None else numbers_of(mass, 1)[0]
-        writer.add(inertial, "mass", source if mass is None else mass, value=numbers(kilograms))
         holder = source if inertia is None else inertia
         moments = stated_moments(holder)
-        writer.add(inertial, "inertia", holder, **{name: numbers(value) for name, value in moments.items()})
+        return InertialDraft(
+            origin_at(self._placed(entry, source, frame), self._notes.places[source]),
+            1.0 if mass is None else numbers_of(mass, 1)[0],
+            moments,
+            max(last_digit(repr(moment)) for moment in moments),
+            self._notes.places[source if mass is None else mass],
+            self._notes.places[holder],
+        )
 
-    def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> bool:
-        """Write the inertia of the link's collisions, if it is `auto`. Return False if not, or if that failed."""
-        if not flag_attribute(source, "auto"):
-            return False
+    def _computed_inertial(self, source: Element, entry: Entry, frame: Pose) -> InertialDraft | None:
+        """Return the inertia of the link's collisions; None if that failed."""
         collisions = [(holder, self._placed(entry, holder, frame)) for holder in entry.element.findall("collision")]
         inertia = self._notes.attempt(lambda source: auto_inertia(source, collisions), source)
         if inertia is None:
-            return False
-        writer = self._writer
-        inertial = writer.add(link, "inertial", source)
-        writer.add_origin(inertial, source, Pose(inertia.centre_xyz))
-        writer.add(inertial, "mass", source, value=numbers(inertia.mass))
-        writer.add(inertial, "inertia", source, **{name: numbers(value) for name, value in inertia.moments.items()})
-        return True
+            return None
+        place = self._notes.places[source]
+        return InertialDraft(
+            origin_at(Pose(inertia.centre_xyz), place), inertia.mass, inertia.moments, 0.0, place, place
+        )
 
     def _note_defaults(self, inertial: Element, name: str) -> None:
         units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
@@ -121,29 +131,31 @@ class LinkWriter:
             message = f"<inertial> of link '{name}' is {lacking}; SDF's defaults are used: {', '.join(absent)}"
             self._notes.add("default-inertia", inertial, message)
 
-    def _write_shape(self, link: Element, holder: Element, entry: Entry, frame: Pose) -> None:
-        is_visual = holder.tag == "visual"
-        # A visual shape without a valid size is left out without a finding.
-        shape = visual_shape(holder) if is_visual else shape_in(holder)
-        if shape is None:
-            return
-        if not is_visual and shape.find("submesh") is not None:
-            message = "<submesh> is not supported; if allowed, the whole mesh collides"
-            self._notes.add("unsupported-part", shape, message)
-        writer, file = self._writer, entry.owner.file.path
-        written = writer.add(link, holder.tag, holder)
-        writer.add_origin(written, holder, self._placed(entry, holder, frame))
-        geometry_of_shape = writer.add(written, "geometry", holder)
-        write_shape(writer, geometry_of_shape, shape, file)
-        if is_visual:
-            write_colour(writer, written, holder)
+    def _shapes(self, entry: Entry, tag: str, frame: Pose) -> Iterator[ShapeDraft]:
+        """Yield the collisions or visuals of a link."""
+        for holder in entry.element.findall(tag):
+            # A visual shape without a valid size is left out without a finding.
+            shape = visual_shape(holder) if tag == "visual" else shape_in(holder)
+            if shape is None:
+                continue
+            if tag == "collision" and shape.find("submesh") is not None:
+                message = "<submesh> is not supported; if allowed, the whole mesh collides"
+                self._notes.add("unsupported-part", shape, message)
+            yield ShapeDraft(
+                "sphere" if shape.tag == "ellipsoid" else shape.tag,
+                origin_at(self._placed(entry, holder, frame), self._notes.places[holder]),
+                self._notes.places[shape],
+                shape_sizes(shape),
+                _mesh(shape, entry.owner.file.path) if shape.tag == "mesh" else None,
+                _paint(holder) if tag == "visual" else None,
+            )
 
     def _placed(self, entry: Entry, holder: Element, frame: Pose) -> Pose:
         pose = self._frames.placed(entry.owner, holder.find("pose"), self._frames.in_root(entry))
         return geometry.compose(geometry.inverse(frame), pose)
 
-    def _write_surface(self, link: Element, name: str) -> None:
-        """Write the surface of a link. URDF has one per link: the smallest friction of its collisions is used."""
+    def _surface(self, link: Element, name: str) -> Surface:
+        """Return the surface of a link, which is one for all its collisions: their smallest friction is used."""
         surfaces = [_surface(collision) for collision in link.findall("collision") if _collides(collision)]
         # Engines take no friction above the default.
         by_friction = {min(_friction(surface, "mu"), _DEFAULT_FRICTION): surface for surface in reversed(surfaces)}
@@ -155,15 +167,12 @@ class LinkWriter:
                 "all; for different ones, make them links of their own, joined by fixed joints"
             )
             self._notes.add("shared-friction", source, message)
-        writer = self._writer
-        gazebo = writer.add(writer.root, "gazebo", source, reference=name)
-        writer.add(gazebo, "mu1", source).text = numbers(_friction(source, "mu"))
-        if source.find("mu2") is not None:
-            writer.add(gazebo, "mu2", source).text = numbers(_friction(source, "mu2"))
+        mu, mu2 = _friction(source, "mu"), _friction(source, "mu2")
+        if source.find("mu2") is not None and mu2 != mu:
+            self._notes.add("two-frictions", source, no_direction("mu", f"{mu:g}", "mu2", f"{mu2:g}"))
         contact = link.find(_CONTACT)
-        for tag in ("kp", "kd"):
-            if contact is not None and contact.find(tag) is not None:
-                writer.add(gazebo, tag, contact).text = numbers(number_of(contact, tag, 0.0))
+        stated = Surface() if contact is None else _contact_surface(contact)
+        return replace(stated, friction=min(mu, _DEFAULT_FRICTION))
 
     def _note_unsupported_parts(self, link: Element, owner: str) -> None:
         note_parts(self._notes, link, owner)
@@ -188,6 +197,13 @@ def _friction(friction: Element, tag: str) -> float:
     return _NEVER_SLIDES if stated < 0 else stated
 
 
+def _contact_surface(contact: Element) -> Surface:
+    """Return the surface with the stiffness and damping of a <contact>. Raises SdfProblem."""
+    # Models write a stiffness of 0 for "not specified".
+    surface = Surface(stiffness=amount_of(contact, "kp") or None)
+    return surface if contact.find("kd") is None else replace(surface, damping=amount_of(contact, "kd"))
+
+
 def shape_in(holder: Element) -> Element | None:
     """Return the shape of a <collision> or <visual>; None if it is <empty/>. Raises SdfProblem."""
     shape = next(iter(needed(holder, "geometry")), None)
@@ -196,25 +212,27 @@ def shape_in(holder: Element) -> Element | None:
     return None if shape.tag == EMPTY else shape
 
 
-def write_shape(writer: UrdfWriter, parent: Element, shape: Element, file: Path) -> None:
-    """Write a shape into a <geometry> of URDF. `file`: the file from which paths of meshes start. Raises SdfProblem."""
+def shape_sizes(shape: Element) -> dict[str, tuple[float, ...]]:
+    """Return the sizes of a plain shape; an ellipsoid with equal radii is a sphere. Raises SdfProblem."""
     if shape.tag == "mesh":
-        uri = text_of(shape, "uri")
-        if not uri:
-            raise SdfProblem("missing-part", shape, "<mesh> has no <uri>")
-        scale = vector_of(shape.find("scale"), (1.0, 1.0, 1.0))
-        writer.files[writer.add(parent, "mesh", shape, filename=uri, scale=numbers(*scale))] = file
-    elif shape.tag in _SIZES:
-        sizes = {name: numbers(*numbers_of(needed(shape, name), count)) for name, count in _SIZES[shape.tag].items()}
-        writer.add(parent, shape.tag, shape, **sizes)
-    elif shape.tag != "ellipsoid":
-        instead = _INSTEAD.get(shape.tag, f"the shapes are {', '.join((*_SIZES, 'ellipsoid', 'mesh'))}")
+        return {}
+    if shape.tag in SHAPES:
+        return {name: numbers_of(needed(shape, name), LENGTHS.get(name, 1)) for name in SHAPES[shape.tag]}
+    if shape.tag != "ellipsoid":
+        instead = _INSTEAD.get(shape.tag, f"the shapes are {', '.join((*SHAPES, 'ellipsoid', 'mesh'))}")
         raise SdfProblem("unknown-shape", shape, f"<{shape.tag}> is not supported: {instead}")
-    elif len(set(radii := vector_of(needed(shape, "radii")))) > 1:
+    if len(set(radii := vector_of(needed(shape, "radii")))) > 1:
         message = "an <ellipsoid> with different radii is not supported: convert it to a mesh"
         raise SdfProblem("unknown-shape", shape, message)
-    else:
-        writer.add(parent, "sphere", shape, radius=numbers(radii[0]))
+    return {"radius": radii[:1]}
+
+
+def _mesh(shape: Element, file: Path) -> MeshDraft:
+    """Return a mesh. `file`: the file from which its path starts. Raises SdfProblem."""
+    uri = text_of(shape, "uri")
+    if not uri:
+        raise SdfProblem("missing-part", shape, "<mesh> has no <uri>")
+    return MeshDraft(uri, file, vector_of(shape.find("scale"), (1.0, 1.0, 1.0)))
 
 
 def visual_shape(visual: Element) -> Element | None:
@@ -222,61 +240,23 @@ def visual_shape(visual: Element) -> Element | None:
     shape = next(iter(visual.findall("geometry/*")), None)
     if shape is None or shape.tag == "mesh":
         return shape
-    sizes = _SIZES.get(shape.tag, {})
-    stated = all(is_numbers(shape.findtext(name) or "", count) for name, count in sizes.items())
+    sizes = SHAPES.get(shape.tag, ())
+    stated = all(is_numbers(shape.findtext(name) or "", LENGTHS.get(name, 1)) for name in sizes)
     return shape if sizes and stated else None
 
 
-def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
-    """Write the colour of a visual, if it states one; the opacity is alpha * (1 - <transparency>)."""
+def _paint(visual: Element) -> Paint | None:
+    """Return the colour of a visual, if it states one; the opacity is alpha * (1 - <transparency>)."""
     words = (visual.findtext("material/diffuse") or "").split()[:4]
-    text, alpha = " ".join(words[:3]), words[3] if len(words) > 3 else "1"
-    if is_numbers(text, 3):
-        opacity = _clipped(alpha, 1.0) * (1 - _clipped(visual.findtext("transparency") or "", 0.0))
-        material = writer.add(written, "material", visual, name=f"of visual '{visual.get('name', '')}'")
-        writer.add(material, "color", visual, rgba=f"{text} {opacity:g}")
+    if not is_numbers(" ".join(words[:3]), 3):
+        return None
+    alpha = _clipped(words[3], 1.0) if len(words) > 3 else 1.0
+    red, green, blue = (_clipped(word, 0.0) for word in words[:3])
+    return (red, green, blue), alpha * (1 - _clipped(visual.findtext("transparency") or "", 0.0))
 
 
 def _clipped(text: str, otherwise: float) -> float:
     return min(1.0, max(0.0, float(text))) if is_numbers(text, 1) else otherwise
-
-
-class UrdfWriter:
-    """A URDF document that is being written.
-
-    `name`: name of the robot; `source`: the <model> element; `sources`: the file and line of each element of the SDF.
-    """
-
-    def __init__(self, name: str, source: Element, sources: Mapping[Element, Location]) -> None:
-        self.root = Element("robot", name=name)
-        self._sources = sources
-        self._places = {self.root: sources[source]}
-        self.files: dict[Element, Path] = {}  # <mesh> -> the file from which its path starts
-
-    def add(self, parent: Element, tag: str, source: Element, **attributes: str) -> Element:
-        """Add an element with the place of `source`."""
-        element = ET.SubElement(parent, tag, attributes)
-        self._places[element] = self._sources[source]
-        return element
-
-    def add_origin(self, parent: Element, source: Element, pose: Pose) -> None:
-        """Add an <origin>."""
-        rpy = geometry.rpy_from_quaternion(pose.orientation_xyzw)
-        self.add(parent, "origin", source, xyz=numbers(*pose.position_xyz), rpy=numbers(*rpy))
-
-    def share(self, parent: Element, source: Element) -> None:
-        """Add an element of the SDF itself, with all its children."""
-        parent.append(source)
-        self._places.update((part, self._sources[part]) for part in source.iter())
-
-    def document(self) -> ModelDocument:
-        """Return the document."""
-        return ModelDocument(self.root, self._places, self.files)
-
-
-def numbers(*values: float) -> str:
-    """Return numbers as text for URDF, with all digits."""
-    return " ".join(repr(value + 0.0) for value in values)  # + 0.0 turns -0.0 into 0.0
 
 
 _SUPPORTED: Final = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "fixed")
@@ -299,7 +279,7 @@ class ResolvedJoint:
     """A joint whose links, frame and axis are resolved."""
 
     entry: Entry
-    type: str  # the URDF type
+    type: str  # as in SDF
     parent: Entry | None  # the parent link; None is the world
     child: Entry
     pose: Pose  # the joint's frame, in the outermost model's frame
@@ -356,10 +336,6 @@ def _type(notes: Notes, entry: Entry) -> str:
     return "continuous" if kind == "revolute" and not _is_limited(element.find("axis/limit")) else kind
 
 
-def _kind_of_axis(kind: str, axis: Element) -> str:
-    return ("revolute" if _is_limited(axis.find("limit")) else "continuous") if kind in _TWO_AXES else kind
-
-
 def _is_limited(limit: Element | None) -> bool:
     return limit_of(limit, "lower", -UNLIMITED) > -UNLIMITED or limit_of(limit, "upper", UNLIMITED) < UNLIMITED
 
@@ -387,78 +363,64 @@ def _check_flag(notes: Notes, entry: Entry, axis: Element) -> None:
     notes.add("passed-over", flag, f'{message}; for an axis in that frame, write <xyz expressed_in="{MODEL_FRAME}">')
 
 
-class JointWriter:
-    """Writes joints into a URDF."""
+class JointReader:
+    """Reads joints. Problems become findings in `notes`."""
 
-    def __init__(self, notes: Notes, frames: Frames, writer: UrdfWriter) -> None:
-        self._notes, self._frames, self._writer = notes, frames, writer
+    def __init__(self, notes: Notes, frames: Frames) -> None:
+        self._notes, self._frames = notes, frames
 
-    def write(self, resolved: ResolvedJoint, origin: Pose) -> None:
-        """Write a joint. `origin`: the child link's frame in the parent link's frame. Raises SdfProblem."""
-        element, writer = resolved.entry.element, self._writer
-        joint = writer.add(
-            writer.root,
-            "joint",
-            element,
-            name=resolved.entry.full_name,
-            type=_URDF_TYPES.get(resolved.type, resolved.type),
-        )
-        writer.add_origin(joint, element, origin)
-        owner = f"joint '{resolved.entry.full_name}'"
+    def read(self, resolved: ResolvedJoint, origin: Pose) -> JointDraft:
+        """Return a joint. `origin`: the child link's frame in the parent link's frame. Raises SdfProblem."""
+        element, name, place = resolved.entry.element, resolved.entry.full_name, self._notes.places
+        owner = f"joint '{name}'"
         note_sensors(self._notes, element, owner)
         note_parts(self._notes, element, owner, frozenset({"axis", "axis2"} if resolved.axis_xyz is None else ()))
-        writer.add(joint, "parent", element, link=WORLD if resolved.parent is None else resolved.parent.full_name)
-        writer.add(joint, "child", element, link=resolved.child.full_name)
-        if resolved.axis_xyz is not None:
-            axis = needed(element, "axis")
-            kind = _kind_of_axis(resolved.type, axis)
-            self._write_axis(joint, axis, resolved.axis_xyz, kind)
-            if resolved.axis2_xyz is None:
-                self._write_mimic(joint, axis, resolved.entry)
         for tag in _NOT_OF_SEVERAL.get(resolved.type, ()):
             for part in element.findall(f"axis/{tag}") + element.findall(f"axis2/{tag}"):
                 meaning = "it is read of a joint with one axis"
                 self._notes.leave_out(f"{resolved.type}/{tag}", part, f"<{part.tag}> of {owner}", meaning=meaning)
-        damping = number_of(element, "axis/dynamics/damping", 0.0)
-        if resolved.type == "ball" and damping:
-            writer.add(joint, "dynamics", element, damping=numbers(damping))
+        motion, second, mimic = MotionDraft(), None, None
         if resolved.axis2_xyz is not None:
-            second = needed(element, "axis2")
-            self._write_axis(joint, second, resolved.axis2_xyz, _kind_of_axis(resolved.type, second), "2")
+            second = self._motion(needed(element, "axis2"), resolved.axis2_xyz, resolved.type, f"{name}_2")
+        if resolved.axis_xyz is not None:
+            axis = needed(element, "axis")
+            motion = self._motion(axis, resolved.axis_xyz, resolved.type, name if second is None else f"{name}_1")
+            mimic = self._mimic(axis, resolved.entry) if second is None else None
+        elif resolved.type == "ball":
+            motion = MotionDraft(damping=amount_of(element, "axis/dynamics/damping") or None)
+        return JointDraft(
+            name,
+            _URDF_TYPES.get(resolved.type, resolved.type),
+            WORLD if resolved.parent is None else resolved.parent.full_name,
+            resolved.child.full_name,
+            place[element],
+            origin_at(origin, place[element]),
+            motion,
+            second,
+            mimic,
+        )
 
-    def _write_axis(self, joint: Element, axis: Element, xyz: Vector3, kind: str, number: str = "") -> None:
-        """Write an axis with its limits and dynamics; `number`: at the end of the tags."""
-        self._writer.add(joint, f"axis{number}", axis, xyz=numbers(*xyz))
-        limit = axis.find("limit")
-        bounds = {"lower": limit_of(limit, "lower", -UNLIMITED), "upper": limit_of(limit, "upper", UNLIMITED)}
-        attributes = {} if kind == "continuous" else {tag: numbers(bound) for tag, bound in bounds.items()}
-        for tag in ("effort", "velocity"):
-            most = limit_of(limit, tag, -1.0)
-            if 0 <= most < UNLIMITED:
-                attributes[tag] = numbers(most)
-        if attributes:
-            self._writer.add(joint, f"limit{number}", axis if limit is None else limit, **attributes)
-        self._write_dynamics(joint, axis, number)
-
-    def _write_dynamics(self, joint: Element, axis: Element, number: str) -> None:
-        name = f"{joint.attrib['name']}_{number or 1}" if "universal" in joint.attrib["type"] else joint.attrib["name"]
-        start = number_of(axis, "initial_position", 0.0)
-        if start:
+    def _motion(self, axis: Element, xyz: Vector3, kind: str, name: str) -> MotionDraft:
+        """Return the motion of an axis; `name`: of the joint that it becomes."""
+        place, limit, dynamics = self._notes.places, axis.find("limit"), axis.find("dynamics")
+        if start := number_of(axis, "initial_position", 0.0):
             message = f"<initial_position> is ignored: set robot.joints: {{{name}: {start:g}}} in the scenario"
             self._notes.add("passed-over", axis, message)
-        dynamics = axis.find("dynamics")
+        motion = MotionDraft(xyz, place[axis], _limits(axis, kind, place[axis if limit is None else limit]))
         if dynamics is None:
-            return
-        stated = {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in ("damping", "friction")}
-        if number_of(dynamics, "spring_stiffness", 0.0):
-            tags = ("spring_stiffness", "spring_reference")
-            stated |= {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in tags}
-        self._writer.add(joint, f"dynamics{number}", dynamics, **stated)
+            return motion
+        stiffness = amount_of(dynamics, "spring_stiffness")
+        return replace(
+            motion,
+            damping=amount_of(dynamics, "damping"),
+            friction=amount_of(dynamics, "friction"),
+            spring=(stiffness, number_of(dynamics, "spring_reference", 0.0)) if stiffness else (0.0, 0.0),
+        )
 
-    def _write_mimic(self, joint: Element, axis: Element, entry: Entry) -> None:
+    def _mimic(self, axis: Element, entry: Entry) -> Mimic | None:
         mimic = axis.find("mimic")
         if mimic is None:
-            return
+            return None
         name = mimic.get("joint", "")
         leader = self._frames.named(entry.owner, name, mimic) if name else None
         if leader is None or leader.kind != "joint" or mimic.get("axis", "axis") != "axis":
@@ -467,5 +429,20 @@ class JointWriter:
             )
         multiplier = number_of(mimic, "multiplier", 1.0)
         offset = number_of(mimic, "offset", 0.0) - multiplier * number_of(mimic, "reference", 0.0)
-        stated = {"multiplier": numbers(multiplier), "offset": numbers(offset)}
-        self._writer.add(joint, "mimic", mimic, joint=leader.full_name, **stated)
+        return Mimic(leader.full_name, multiplier, offset)
+
+
+def _limits(axis: Element, kind: str, place: Location) -> LimitDraft | None:
+    """Return the limits of an axis; None if nothing is limited. `kind`: the type of its joint. Raises SdfProblem."""
+    limit = axis.find("limit")
+    effort, velocity = (_most(limit, tag) for tag in ("effort", "velocity"))
+    lower, upper = limit_of(limit, "lower", -UNLIMITED), limit_of(limit, "upper", UNLIMITED)
+    if kind == "continuous" or (kind in _TWO_AXES and not _is_limited(limit)):
+        return None if effort is velocity is None else LimitDraft(place, effort=effort, velocity=velocity)
+    return LimitDraft(place, lower, upper, effort, velocity)
+
+
+def _most(limit: Element | None, tag: str) -> float | None:
+    """Return the largest effort or velocity; None without a limit."""
+    most = limit_of(limit, tag, -1.0)
+    return most if 0 <= most < UNLIMITED else None

@@ -34,11 +34,11 @@ from geometry_msgs.msg import Vector3
 from std_srvs.srv import Empty
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import replace
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.kinematics import LinkStates
-from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
+from sim_action.robot.model.robot_model import MOMENTS, Inertial, Joint, JointType, RobotModel
 from sim_action.ros.robot_topics import in_frame_of
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of, flat_robot
 from sim_action.ros.ros1.node.message_classes import header, pose_message, pose_of, twist_message, twist_of
@@ -64,7 +64,6 @@ _TYPES: Final[dict[JointType, int]] = {
     "prismatic": GetJointPropertiesResponse.PRISMATIC,
     "fixed": GetJointPropertiesResponse.FIXED,
 }
-_INERTIA_KEYS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _BODY_LINK: Final = "link"  # the name of the one link of every body
 _FOREVER_S: Final = 1e5
 
@@ -237,9 +236,9 @@ class GazeboServices:
         link = model.links_by_name.get(short)
         if link is None:
             raise LookupError(f"the robot has no link '{short}'{did_you_mean(short, model.links_by_name)}")
-        turned, moments = _inertia(model, link)
-        com = pose_message(Pose(link.centre_of_mass_xyz, turned))
-        return {"com": com, "gravity_mode": True, "mass": link.mass or 0.0, **moments}
+        inertial = link.inertial or Inertial(0.0, Pose(link.centre_of_mass_xyz), (0.0,) * 6)
+        moments = dict(zip(MOMENTS, inertial.moments, strict=True))
+        return {"com": pose_message(inertial.pose), "gravity_mode": True, "mass": link.mass or 0.0, **moments}
 
     def _joint(self, name: str) -> dict[str, Any]:
         """Return the properties of a joint. Raises LookupError."""
@@ -366,18 +365,6 @@ def _done(change: Callable[..., None], *arguments: str) -> tuple[()]:
 
 def _short(name: str) -> str:
     return name.rpartition("::")[2]
-
-
-def _inertia(model: RobotModel, link: Link) -> tuple[geometry.Quaternion, dict[str, float]]:
-    """Return the rotation of the inertia axes in the link, and the moments about them, from the model's URDF."""
-    links = (link_tag for link_tag in description_of(model.urdf).iter("link") if link_tag.get("name") == link.name)
-    inertial = next(
-        (inertial_tag for link_tag in links if (inertial_tag := link_tag.find("inertial")) is not None),
-        Element("inertial"),
-    )
-    stated, origin = (next(inertial.iter(tag), Element(tag)) for tag in ("inertia", "origin"))
-    moments = {name: float(stated.get(name, 0.0)) for name in _INERTIA_KEYS}
-    return quaternion_from_rpy(*map(float, origin.get("rpy", "0 0 0").split())), moments
 
 
 def _tried(what: Any, asked: Any) -> dict[str, Any]:
