@@ -35,7 +35,6 @@ from sim_action.robot.model.robot_model import (
     Joint,
     JointType,
     Link,
-    Moments,
     RobotModel,
     Shape,
     Visual,
@@ -126,18 +125,8 @@ def _link(stated: LinkDraft, complete: LinkDraft) -> Link:
         stated.surface,
         pose.position_xyz,
         tuple(_visuals(stated)),
-        Inertial(inertial.mass, pose, _moments(complete)),
+        Inertial(inertial.mass, pose, inertial.moments),
     )
-
-
-def _moments(link: LinkDraft) -> Moments:
-    """Return the moments of a link with Bullet's factor on them, which other engines would ignore."""
-    assert link.inertial is not None
-    scaling = None if link.contact is None else link.contact.inertia_scaling
-    if scaling is None:
-        return link.inertial.moments
-    xx, xy, xz, yy, yz, zz = (scaling * moment for moment in link.inertial.moments)
-    return xx, xy, xz, yy, yz, zz
 
 
 def _shape(shape: ShapeDraft) -> Shape:
@@ -222,7 +211,7 @@ def _written_link(link: LinkDraft) -> Element:
     if link.inertial is not None:
         inertial = _with_origin(ET.SubElement(written, "inertial"), link.inertial.origin)
         ET.SubElement(inertial, "mass", value=repr(link.inertial.mass))
-        ET.SubElement(inertial, "inertia", dict(zip(MOMENTS, map(repr, _moments(link)), strict=True)))
+        ET.SubElement(inertial, "inertia", dict(zip(MOMENTS, map(repr, link.inertial.moments), strict=True)))
     written.extend(map(_written_collision, link.collisions))
     if link.contact is not None:
         written.append(_written_contact(link.contact))

@@ -38,7 +38,7 @@ _LEAST_MASS: Final = 1e-6
 
 def repaired(draft: RobotDraft) -> RobotDraft:
     """Return a robot without parts that cannot work, and with its joints with several motions in series."""
-    return _with_series(_without_empty_shapes(_without_massless_frames(_with_valid_mimics(_without_free_base(draft)))))
+    return _with_series(_with_sound_links(_with_valid_mimics(_without_free_base(draft))))
 
 
 def _without_free_base(draft: RobotDraft) -> RobotDraft:
@@ -71,31 +71,16 @@ def _held(joint: JointDraft, position: float) -> JointDraft:
     return replace(joint, type="fixed", mimic=None, origin=origin_at(pose, joint.origin.place))
 
 
-def _without_massless_frames(draft: RobotDraft) -> RobotDraft:
-    """Remove a mass of 0 from links that are fixed to others with a mass."""
-    if not any(link.inertial is not None and link.inertial.mass == 0 for link in draft.links):
-        return draft
+def _with_sound_links(draft: RobotDraft) -> RobotDraft:
+    """Remove collision shapes without any extent, and a mass of 0 from links that are fixed to others with a mass."""
     bodies = RigidBodies(draft)
-    return replace(
-        draft,
-        links=tuple(
-            replace(link, inertial=None)
-            if link.inertial is not None and link.inertial.mass == 0 and bodies.holds_mass(link.name)
-            else link
-            for link in draft.links
-        ),
-    )
 
+    def mended(link: LinkDraft) -> LinkDraft:
+        adds_nothing = link.inertial is not None and link.inertial.mass == 0 and bodies.holds_mass(link.name)
+        shapes = tuple(shape for shape in link.collisions if not shape.is_empty)
+        return replace(link, inertial=None if adds_nothing else link.inertial, collisions=shapes)
 
-def _without_empty_shapes(draft: RobotDraft) -> RobotDraft:
-    """Remove collision shapes without any extent."""
-    return replace(
-        draft,
-        links=tuple(
-            replace(link, collisions=tuple(shape for shape in link.collisions if not shape.is_empty))
-            for link in draft.links
-        ),
-    )
+    return replace(draft, links=tuple(map(mended, draft.links)))
 
 
 def _with_series(draft: RobotDraft) -> RobotDraft:
@@ -117,15 +102,15 @@ def _links_in(joint: JointDraft) -> tuple[str, ...]:
 
 def _series_of(joint: JointDraft) -> Iterator[JointDraft]:
     """Yield the joints that replace a joint with several motions, from the parent to the child."""
-    names, ends = part_names(joint), (*_links_in(joint), joint.child)
-    above, origin = joint.parent, joint.origin
-    for name, end, (kind, motion) in zip(names, ends, _motions(joint), strict=False):
-        yield JointDraft(name, kind, above, end, joint.place, origin, motion, series=joint.name)
-        above, origin = end, OriginDraft()
+    part = replace(joint, second=None, mimic=None, start=None, series=joint.name)
+    ends = (*_links_in(joint), joint.child)
+    for name, end, (kind, motion) in zip(part_names(joint), ends, _motions(joint), strict=False):
+        part = replace(part, name=name, type=kind, child=end, motion=motion)
+        yield part
+        part = replace(part, parent=end, origin=OriginDraft())
     if joint.type == "floating":
-        yield JointDraft(
-            joint.name, "spherical", above, joint.child, joint.place, origin, MotionDraft(damping=joint.motion.damping)
-        )
+        motion = MotionDraft(damping=joint.motion.damping)
+        yield replace(part, name=joint.name, type="spherical", child=joint.child, motion=motion, series="")
 
 
 def _motions(joint: JointDraft) -> Iterator[tuple[str, MotionDraft]]:
@@ -163,29 +148,41 @@ def with_masses(draft: RobotDraft) -> RobotDraft:
     A mass of 0 that the audit accepted becomes a negligible one. The base link keeps it, which fixes the base.
     """
     children = {joint.child for joint in draft.joints}
-    stated = sum(link.inertial.mass for link in draft.links if link.inertial is not None and _counts(link, children))
-    mass = max(_LEAST_MASS, _NEGLIGIBLE_SHARE * stated)
-    return replace(draft, links=tuple(_with_mass(link, mass, children) for link in draft.links))
+    weighty = {
+        link.name: link.inertial.mass
+        for link in draft.links
+        if link.inertial is not None and not (link.inertial.mass == 0 and link.name in children)
+    }
+    negligible = float(f"{max(_LEAST_MASS, _NEGLIGIBLE_SHARE * sum(weighty.values())):.6g}")
+    return replace(
+        draft,
+        links=tuple(
+            replace(link, inertial=_possible(link) if link.name in weighty else _small_ball(link, negligible))
+            for link in draft.links
+        ),
+    )
 
 
-def _counts(link: LinkDraft, children: set[str]) -> bool:
-    """Return True if a link keeps its own mass."""
-    return link.inertial is not None and not (link.inertial.mass == 0 and link.name in children)
+def _small_ball(link: LinkDraft, mass: float) -> InertialDraft:
+    mass = 0.0 if link.is_massless else mass
+    return InertialDraft(OriginDraft(), mass, _ball(mass), 0.0, link.place, link.place)
 
 
-def _with_mass(link: LinkDraft, mass: float, children: set[str]) -> LinkDraft:
-    if link.inertial is None or not _counts(link, children):
-        mass = 0.0 if link.is_massless else float(f"{mass:.6g}")
-        return replace(link, inertial=InertialDraft(OriginDraft(), mass, _ball(mass), 0.0, link.place, link.place))
+def _possible(link: LinkDraft) -> InertialDraft:
+    """Return the inertia of a link, repaired, and with Bullet's factor on it, which other engines would ignore."""
+    assert link.inertial is not None
     moments = link.inertial.moments
     if not (link.inertial.mass or any(moments)):
-        return link
+        return link.inertial
     if principal_moments(moments)[2] <= 0:
         moments = _ball(link.inertial.mass or _LEAST_MASS)
-    elif (more := increase(moments)) > 0:
-        xx, xy, xz, yy, yz, zz = moments
-        moments = (xx + more, xy, xz, yy + more, yz, zz + more)
-    return replace(link, inertial=replace(link.inertial, moments=moments))
+    more = increase(moments)
+    scaling = link.contact.inertia_scaling if link.contact is not None else None
+    factor = 1.0 if scaling is None else scaling
+    xx, xy, xz, yy, yz, zz = moments
+    repaired_moments = (xx + more, xy, xz, yy + more, yz, zz + more)
+    xx, xy, xz, yy, yz, zz = (factor * moment for moment in repaired_moments)
+    return replace(link.inertial, moments=(xx, xy, xz, yy, yz, zz))
 
 
 def _ball(mass: float) -> Moments:

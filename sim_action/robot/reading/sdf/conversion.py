@@ -114,9 +114,10 @@ def _draft_of(scope: Scope, notes: Notes, *, places_base: bool = False) -> Robot
     place = notes.places[scope.element]
     is_fixed = kinematics.needs_world and scope.find(WORLD) is None
     links = [LinkDraft(WORLD, place)] if is_fixed else []
-    link_reader, joint_reader = LinkReader(notes, frames), JointReader(notes, frames)
+    link_reader = LinkReader(notes, frames)
     for link in kinematics.placed.items():
         links += filter(None, [notes.attempt(lambda link: link_reader.read(*link), link)])
+    joint_reader = JointReader(notes, frames)
     joints = list[JointDraft]()
     for joint in kinematics.joints:
         origin = kinematics.pose_in(joint.parent, joint.child)

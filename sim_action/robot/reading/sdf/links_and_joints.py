@@ -371,7 +371,8 @@ class JointReader:
 
     def read(self, resolved: ResolvedJoint, origin: Pose) -> JointDraft:
         """Return a joint. `origin`: the child link's frame in the parent link's frame. Raises SdfProblem."""
-        element, name, place = resolved.entry.element, resolved.entry.full_name, self._notes.places
+        element, name = resolved.entry.element, resolved.entry.full_name
+        place = self._notes.places[element]
         owner = f"joint '{name}'"
         note_sensors(self._notes, element, owner)
         note_parts(self._notes, element, owner, frozenset({"axis", "axis2"} if resolved.axis_xyz is None else ()))
@@ -379,7 +380,9 @@ class JointReader:
             for part in element.findall(f"axis/{tag}") + element.findall(f"axis2/{tag}"):
                 meaning = "it is read of a joint with one axis"
                 self._notes.leave_out(f"{resolved.type}/{tag}", part, f"<{part.tag}> of {owner}", meaning=meaning)
-        motion, second, mimic = MotionDraft(), None, None
+        motion = MotionDraft()
+        second: MotionDraft | None = None
+        mimic: Mimic | None = None
         if resolved.axis2_xyz is not None:
             second = self._motion(needed(element, "axis2"), resolved.axis2_xyz, resolved.type, f"{name}_2")
         if resolved.axis_xyz is not None:
@@ -393,8 +396,8 @@ class JointReader:
             _URDF_TYPES.get(resolved.type, resolved.type),
             WORLD if resolved.parent is None else resolved.parent.full_name,
             resolved.child.full_name,
-            place[element],
-            origin_at(origin, place[element]),
+            place,
+            origin_at(origin, place),
             motion,
             second,
             mimic,
