@@ -100,6 +100,16 @@ def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(
     assert findings(tmp_path, text.replace("revolute", "fixed")) == []
 
 
+def test_a_link_that_is_fixed_to_the_world_needs_no_mass(tmp_path: Path) -> None:
+    base = f'<parent link="world"/><child link="stand"/></joint>{_end("stand", "base")}'
+    more = f'<link name="world"/><link name="stand"/><joint name="bolt" type="fixed">{base}</robot>'
+    assert findings(tmp_path, GOOD.replace("</robot>", more)) == []
+
+
+def _end(parent: str, child: str) -> str:
+    return f'<joint name="{child}_bolt" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
 def test_every_rule_has_a_model_that_breaks_it() -> None:
     # Rules of packages and xacro are in test_package_layouts.py, test_urdf.py and test_xacro_expansion.py.
     elsewhere = {"package-folder", "file-spelling", "several-packages", "xacro-warning"}
