@@ -224,8 +224,8 @@ _ADVICE: Final = "merge links that are connected by fixed joints, or remove part
 
 def names(draft: RobotDraft) -> Iterator[Finding]:
     """Yield names that occur twice or are too long."""
-    parts: Sequence[LinkDraft | JointDraft]
-    for kind, parts in (("link", draft.links), ("joint", draft.joints)):
+    named: dict[str, Sequence[LinkDraft | JointDraft]] = {"link": draft.links, "joint": draft.joints}
+    for kind, parts in named.items():
         seen = set[str]()
         for part in parts:
             if (size := len(part.name.encode())) > MAX_NAME_BYTES:
@@ -242,7 +242,7 @@ def names(draft: RobotDraft) -> Iterator[Finding]:
 
 def _part_names(draft: RobotDraft) -> Iterator[Finding]:
     """Yield joints with several motions whose parts would have the name of a joint or link."""
-    taken = {part.name for part in (*draft.links, *draft.joints)}
+    taken = {link.name for link in draft.links} | draft.joints_by_name.keys()
     for joint in draft.joints:
         turns = [f"{joint.name}_{axis}" for axis in "xyz"] if joint.type in (*BALLS, "floating") else []
         for part in taken.intersection((*part_names(joint), *turns)):

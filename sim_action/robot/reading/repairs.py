@@ -87,7 +87,8 @@ def _with_series(draft: RobotDraft) -> RobotDraft:
     """Replace the joints with several motions."""
     if not any(joint.type in SERIES for joint in draft.joints):
         return draft
-    joints, links = list[JointDraft](), list[LinkDraft]()
+    joints = list[JointDraft]()
+    links = list[LinkDraft]()
     for joint in draft.joints:
         joints += _series_of(joint) if joint.type in SERIES else [joint]
         links += [LinkDraft(name, joint.place, is_massless=True) for name in _links_in(joint)]
