@@ -19,6 +19,7 @@ from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import Frames, frames_of, link_motion
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace import Trace
+from sim_action.world.parts import symmetric, turned_tensor
 from sim_action.world.scene import Scene
 
 _MAX_DRIFT: Final = 0.05
@@ -113,11 +114,9 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
     bodies = {}
     for link in model.links:
         if link.inertial is not None:
-            xx, xy, xz, yy, yz, zz = link.inertial.moments
-            at = link.inertial.pose
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES])
-            bodies[link.name] = _Body(link.inertial.mass, at.position_xyz, axes @ tensor @ axes.T)
+            pose = link.inertial.pose
+            tensor = turned_tensor(symmetric(link.inertial.moments), pose.orientation_xyzw)
+            bodies[link.name] = _Body(link.inertial.mass, pose.position_xyz, tensor)
     return bodies
 
 

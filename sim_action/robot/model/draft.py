@@ -136,7 +136,7 @@ class ContactDraft:
 
     coefficients: Mapping[str, float] = field(default_factory=dict)  # tag -> value
     has_friction_anchor: bool = False
-    inertia_scaling: float | None = None  # a factor on the moments of inertia
+    inertia_scaling: float = 1.0  # a factor on the moments of inertia
 
 
 @dataclass(frozen=True, slots=True)

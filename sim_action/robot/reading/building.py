@@ -171,7 +171,10 @@ def _joints(draft: RobotDraft) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
 
 
 def _joint(joint: JointDraft) -> Joint:
-    limit, (lower, upper), (stiffness, at_rest) = joint.motion.limit, joint.limits, joint.motion.spring
+    limit = joint.motion.limit
+    effort, velocity = (None, None) if limit is None else (limit.effort, limit.velocity)
+    lower, upper = joint.limits
+    stiffness, at_rest = joint.motion.spring
     return Joint(
         name=joint.name,
         type=cast(JointType, joint.type),
@@ -181,8 +184,8 @@ def _joint(joint: JointDraft) -> Joint:
         axis_xyz=joint.motion.direction,
         lower=lower,
         upper=upper,
-        max_effort=_above_zero(None if limit is None else limit.effort),
-        max_velocity=_above_zero(None if limit is None else limit.velocity),
+        max_effort=effort if effort and effort > 0 else None,
+        max_velocity=velocity if velocity and velocity > 0 else None,
         mimic=joint.mimic,
         stiffness=stiffness,
         spring_reference=at_rest,
@@ -191,10 +194,6 @@ def _joint(joint: JointDraft) -> Joint:
         series=joint.series,
         start=joint.start,
     )
-
-
-def _above_zero(value: float | None) -> float | None:
-    return value if value is not None and value > 0 else None
 
 
 def engine_text(draft: RobotDraft) -> str:

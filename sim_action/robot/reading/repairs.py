@@ -34,6 +34,7 @@ from sim_action.robot.model.robot_model import MOVING_TYPES, Joint, Moments
 _NEGLIGIBLE_SHARE: Final = 1e-4
 _NEGLIGIBLE_RADIUS_M: Final = 0.05
 _LEAST_MASS: Final = 1e-6
+_DIAGONAL: Final[Moments] = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def repaired(draft: RobotDraft) -> RobotDraft:
@@ -155,37 +156,30 @@ def with_masses(draft: RobotDraft) -> RobotDraft:
         if link.inertial is not None and not (link.inertial.mass == 0 and link.name in children)
     }
     negligible = float(f"{max(_LEAST_MASS, _NEGLIGIBLE_SHARE * sum(weighty.values())):.6g}")
-    return replace(
-        draft,
-        links=tuple(
-            replace(link, inertial=_possible(link) if link.name in weighty else _small_ball(link, negligible))
-            for link in draft.links
-        ),
-    )
+    inertials = (_inertial(link, None if link.name in weighty else negligible) for link in draft.links)
+    links = (replace(link, inertial=inertial) for link, inertial in zip(draft.links, inertials, strict=True))
+    return replace(draft, links=tuple(links))
 
 
-def _small_ball(link: LinkDraft, mass: float) -> InertialDraft:
-    mass = 0.0 if link.is_massless else mass
-    return InertialDraft(OriginDraft(), mass, _ball(mass), 0.0, link.place, link.place)
+def _inertial(link: LinkDraft, negligible: float | None) -> InertialDraft:
+    """Return the inertia of a link, repaired, and with Bullet's factor on it, which other engines would ignore.
 
-
-def _possible(link: LinkDraft) -> InertialDraft:
-    """Return the inertia of a link, repaired, and with Bullet's factor on it, which other engines would ignore."""
-    assert link.inertial is not None
+    `negligible`: its mass in kg if it has none of its own.
+    """
+    if link.inertial is None or negligible is not None:
+        mass = 0.0 if link.is_massless else negligible or 0.0
+        return InertialDraft(OriginDraft(), mass, _ball(mass), 0.0, link.place, link.place)
     moments = link.inertial.moments
     if not (link.inertial.mass or any(moments)):
         return link.inertial
     if principal_moments(moments)[2] <= 0:
         moments = _ball(link.inertial.mass or _LEAST_MASS)
     more = increase(moments)
-    scaling = link.contact.inertia_scaling if link.contact is not None else None
-    factor = 1.0 if scaling is None else scaling
-    xx, xy, xz, yy, yz, zz = moments
-    repaired_moments = (xx + more, xy, xz, yy + more, yz, zz + more)
-    xx, xy, xz, yy, yz, zz = (factor * moment for moment in repaired_moments)
+    factor = 1.0 if link.contact is None else link.contact.inertia_scaling
+    xx, xy, xz, yy, yz, zz = (factor * (moment + more * axis) for moment, axis in zip(moments, _DIAGONAL, strict=True))
     return replace(link.inertial, moments=(xx, xy, xz, yy, yz, zz))
 
 
 def _ball(mass: float) -> Moments:
     moment = float(f"{0.4 * mass * _NEGLIGIBLE_RADIUS_M**2:.6g}")
-    return (moment, 0.0, 0.0, moment, 0.0, moment)
+    return moment, 0.0, 0.0, moment, 0.0, moment

@@ -199,10 +199,11 @@ def _mimic(mimic: Element) -> Mimic:
 
 def _contact(contact: Element) -> ContactDraft:
     stated = {tag: number(contact.find(tag), "value") for tag in CONTACT}
+    scaling = number(contact.find("inertia_scaling"), "value")
     return ContactDraft(
         {tag: value for tag, value in stated.items() if value is not None},
         contact.find("friction_anchor") is not None,
-        number(contact.find("inertia_scaling"), "value"),
+        1.0 if scaling is None else scaling,
     )
 
 
