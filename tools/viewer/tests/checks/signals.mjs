@@ -39,9 +39,10 @@ async function written(page) {
     plots.map((canvas) => /** @type {(Box & {words: string})[]} */ (Reflect.get(globalThis, "written").get(canvas))));
 }
 
-/** @type {Record<string, {how?: {width?: number, height?: number, dark?: boolean}, hash?: string, look: (page: Page) => Promise<void>}>} */
+/** @type {Record<string, {how?: {webgl?: boolean, width?: number, height?: number, dark?: boolean}, hash?: string, look: (page: Page) => Promise<void>}>} */
 export const SIGNALS = {
   "signals are chosen by mouse": {
+    how: { webgl: false },
     hash: "#scenario=burger%20drives%20straight&t=0.5",
     look: async (page) => {
       await ready(page);
@@ -63,6 +64,7 @@ export const SIGNALS = {
     },
   },
   "signals are chosen by keys alone": {
+    how: { webgl: false },
     look: async (page) => {
       await ready(page);
       const before = await word(page, "plots");
@@ -86,6 +88,7 @@ export const SIGNALS = {
     },
   },
   "a drag zooms all plots, and the address restores them": {
+    how: { webgl: false },
     hash: "#scenario=burger%20pushes%20on&t=4.5&plots=base.speed,base.tilt;base.x",
     look: async (page) => {
       await ready(page);
@@ -119,6 +122,7 @@ export const SIGNALS = {
     },
   },
   "a joint is plotted with its command": {
+    how: { webgl: false },
     hash: "#scenario=burger&t=1&plots=joints.wheel_joint",
     look: async (page) => {
       await ready(page);
