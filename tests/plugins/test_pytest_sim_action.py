@@ -38,13 +38,13 @@ STUCK = DRIVES.replace("burger drives", "stuck").replace("1.0", "0.0").replace("
 
 @pytest.fixture(scope="session")
 def former(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with another major version of pytest, installed once for all workers."""
+    """A folder with another major version of pytest alone, installed once for all workers."""
     shared = tmp_path_factory.getbasetemp()
     shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
     folder = shared / "former pytest"
     with locked(shared / "former-pytest-lock"):
         if not (folder / "pytest").exists():
-            command = [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(folder), FORMER]
+            command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(folder), FORMER]
             subprocess.run(command, check=True)
     return folder
 
