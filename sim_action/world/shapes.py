@@ -126,7 +126,8 @@ class MeshFile(FrozenModel):
 
     Its `pose` places the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
     hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 20,000 on MuJoCo, which gets a piece
-    of at most 5 mm behind each triangle. Corners are counter-clockwise as seen from the front.
+    of at most 5 mm behind each triangle. Corners are counter-clockwise as seen from the front. The `up_axis` of a
+    .dae file is ignored.
     """
 
     file: Annotated[File, Field(description="a .stl, .obj or .dae file; the path is relative to the scenario")]

@@ -7,6 +7,7 @@ of its own, with the name `model/link`. Joints that move are losses: the links t
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Quaternion, Vector3, rpy_from_quaternion
 from sim_action.core.records import dataclass, field
+from sim_action.meshes import mesh_bytes
 from sim_action.robot.audit.elements import ALL_CONTACTS, ContactBits
 from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.robot.documents.sdf_elements import (
@@ -50,6 +52,7 @@ _LENGTH_TOLERANCE_M: Final = 1e-3
 MAX_FRICTION: Final = 1.0
 
 _MeshKey = tuple[Path, Vector3, bool]  # file, scale, and True if it moves
+_UP_AXIS: Final = re.compile(rb"<up_axis>\s*([XY]_UP)")
 _MESH_ABSENT: Final = "a mesh that cannot be used: it is left out"
 
 
@@ -171,6 +174,9 @@ class ShapeReader:
         if moves and not self._is_convex(path, scale):
             message = f"'{owner}' moves and is not convex: its convex hull collides"
             self.losses.add(mesh, message, kind="a mesh that moves and is not convex: its convex hull collides")
+        if turned := _UP_AXIS.search(mesh_bytes(path)):
+            kind = "the <up_axis> of a mesh is ignored, as in Gazebo and RViz"
+            self.losses.remark(mesh, f"{kind}: {turned[1].decode()} of '{uri}'", kind)
         if (way := self._simplified.get((path, scale, moves))) is not None:
             kind = "a mesh with many triangles is simplified"
             moved_by = f"its points move by up to {1000 * way:.2g} mm"

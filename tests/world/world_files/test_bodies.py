@@ -15,6 +15,7 @@ from sim_action.world import Body, Inertia, Sphere
 from sim_action.world.parts import GridPart, HullPart, SurfacePart, grid_surface
 from sim_action.world.world_files import WorldFile, read_world_file
 from sim_action.world.world_files.world_bodies import MAX_TRIANGLES, simplified
+from tests.mesh_files import dae
 from tests.ros_workspace import written
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -78,6 +79,14 @@ def test_a_moving_mesh_that_is_not_convex_is_lost(tmp_path: Path) -> None:
     for name, losses in (("a", []), ("b", ["'m' moves and is not convex: its convex hull collides"])):
         bodies, lost = read(shaped(f"<mesh><uri>{name}.obj</uri></mesh>", static=False), tmp_path)
         assert (len(bodies), lost) == (1, losses)
+
+
+def test_a_mesh_whose_up_axis_is_ignored_has_a_remark(tmp_path: Path) -> None:
+    for axis, count in (("Z_UP", 0), ("Y_UP", 1)):
+        (tmp_path / "a.dae").write_bytes(dae(asset=f"<up_axis>{axis}</up_axis>"))
+        losses = world_file(tmp_path, shaped("<mesh><uri>a.dae</uri></mesh>")).losses
+        message = "the <up_axis> of a mesh is ignored, as in Gazebo and RViz: Y_UP of 'a.dae'"
+        assert [(loss.message, loss.is_remark) for loss in losses] == [(message, True)] * count
 
 
 @pytest.mark.parametrize("kind", ["heightmap", "polyline", "image", "cone", "dodecahedron"])
