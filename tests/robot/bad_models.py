@@ -42,6 +42,10 @@ _END = "</robot>"
 _TURNS = '<parent link="base"/><child link="spare"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
 _HINGE = f'<joint name="j" type="revolute">{_TURNS}</joint>'
 _HINGE_AFTER = f'<joint name="j" type="revolute">{_TURNS}<mimic joint="shoulder"/></joint>'
+_LOOP = "".join(
+    f"{_SPARE}{_HINGE_AFTER}".replace("spare", name).replace('"j"', f'"{name}"').replace("shoulder", leader)
+    for name, leader in (("j", "k"), ("k", "j"))
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +195,7 @@ BAD_MODELS = [
     _bad("still-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_fixed("j", "base", "spare")}', "of one"),
     _bad("still-mimic", 14, "</joint>", f'<mimic joint="j" multiplier="0"/></joint>{_SPARE}{_HINGE}', "times zero"),
     _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_SPARE}{_HINGE_AFTER}', "each other"),
+    _bad("bad-mimic", 14, "</joint>", f'<mimic joint="j"/></joint>{_LOOP}', "two that mimic each other"),
     _bad("zero-limit", 19, 'effort="10"', 'effort="0"'),
     _bad("zero-limit", 19, 'velocity="3"', 'velocity="0.0"'),
     _bad("follower-limits", 22, _END, _follower('lower="-1" upper="1.9"', ""), "less far up than its leader"),

@@ -189,6 +189,12 @@ def test_a_finding_says_what_is_wrong(old: str, new: str, rule: str, message: st
     assert (found.rule, found.message) == (rule, message)
 
 
+def test_only_the_first_unknown_links_have_hints(tmp_path: Path) -> None:
+    joints = (f'<joint name="j{n}" type="fixed"><parent link="base"/><child link="bas{n}"/></joint>' for n in range(12))
+    found = findings(tmp_path, GOOD.replace("</robot>", f"{''.join(joints)}</robot>"))
+    assert sum("did you mean 'base'" in finding.message for finding in found) == 10
+
+
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
     text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="-1"')
     assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}

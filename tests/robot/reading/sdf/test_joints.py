@@ -77,11 +77,14 @@ def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
     dynamics = f"<dynamics>{stated}</dynamics>"
     start = "<initial_position>0.5</initial_position>"
     follower = joint("j", "b", "c", f"<axis><xyz>0 0 1</xyz>{start}{dynamics}{mimic}</axis>", "continuous")
-    model = load(tmp_path, sdf(link("a"), link("b"), link("c"), leader, follower, version="1.11"))
+    text = sdf(link("a"), link("b"), link("c"), leader, follower, version="1.11")
+    model = load(tmp_path, text)
     made = ET.fromstring(model.urdf).find("joint[@name='j']/dynamics")
     assert made is not None
     assert made.attrib == {"damping": "0.3", "friction": "0.2"}
     assert model.joints_by_name["j"].mimic == Mimic("lead", 2.0, 0.5)
+    plain = load(tmp_path, text.replace("<reference>0.25</reference>", ""))
+    assert plain.joints_by_name["j"].mimic == Mimic("lead", 2.0, 1.0)
     assert (model.joints_by_name["j"].stiffness, model.joints_by_name["j"].spring_reference) == (9.0, 0.0)
     assert rules(model) == ["passed-over"]
     assert "robot.joints: {j: 0.5}" in model.findings[0].message
