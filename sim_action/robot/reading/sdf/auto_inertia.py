@@ -15,6 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Solid, Vector3
 from sim_action.core.records import dataclass
 from sim_action.robot.documents.sdf_elements import SdfProblem, needed, number_of, numbers_of, vector_of
+from sim_action.robot.documents.urdf_elements import MAX_NUMBER
 from sim_action.robot.model.robot_model import MOMENTS, Moments
 
 _DENSITY: Final = 1000.0
@@ -57,6 +58,9 @@ def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) 
             own = sum(moment * axis[row] * axis[column] for moment, axis in zip(solid.moments, turned, strict=True))
             away = (sum(part**2 for part in at) if row == column else 0.0) - at[row] * at[column]
             moments[index] += scale * mass * (own + away)
+    if not all(abs(value) <= MAX_NUMBER for value in (scale * total, *moments)):
+        message = f"<inertial auto> has a mass or moments of more than {MAX_NUMBER:g}: check the sizes and densities"
+        raise SdfProblem("bad-number", inertial, message)
     xx, xy, xz, yy, yz, zz = moments
     return Inertia(scale * total, (x, y, z), (xx, xy, xz, yy, yz, zz))
 

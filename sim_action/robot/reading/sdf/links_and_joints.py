@@ -32,7 +32,7 @@ from sim_action.robot.documents.sdf_elements import (
     text_of,
     vector_of,
 )
-from sim_action.robot.documents.urdf_elements import LENGTHS, is_numbers
+from sim_action.robot.documents.urdf_elements import LENGTHS, MAX_NUMBER, is_numbers
 from sim_action.robot.model.draft import (
     SHAPES,
     UNLIMITED,
@@ -432,6 +432,9 @@ class JointReader:
             )
         multiplier = number_of(mimic, "multiplier", 1.0)
         offset = number_of(mimic, "offset", 0.0) - multiplier * number_of(mimic, "reference", 0.0)
+        if abs(offset) > MAX_NUMBER:
+            message = f"<offset> minus <multiplier> times <reference> is {offset:g}: at most {MAX_NUMBER:g} is possible"
+            raise SdfProblem("bad-number", mimic, message)
         return Mimic(leader.full_name, multiplier, offset)
 
 

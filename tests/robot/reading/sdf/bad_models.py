@@ -51,6 +51,8 @@ _NESTED = f'<model name="a" canonical_link="{{}}">{link("b")}<frame name="tip"/>
 _LOOP = '<frame name="f" attached_to="g"><pose relative_to="base"/></frame><frame name="g" attached_to="f"/>'
 _DRAWN = "<visual name='v'><geometry><mesh><uri>a.dae</uri></mesh></geometry></visual>"
 _REVERSED = "</xyz><limit><lower>2</lower><upper>1</upper></limit>"
+_FAR = '<mimic joint="lift"><multiplier>1e18</multiplier><reference>1e18</reference></mimic>'
+_HEAVY = f'<inertial auto="1"><density>1e18</density></inertial>{SPHERE.replace("0.1", "40")}'
 _PLACED = "<placement_frame>tip</placement_frame>"
 _CHANGED = "<name>g</name><experimental:params xmlns:experimental='e'/>"
 _POSE, _AXIS = "<pose>0 0 1 0 0 0</pose>", "<axis><xyz>0 0 1</xyz></axis>"
@@ -117,6 +119,7 @@ BAD_SDF_MODELS = [
         GOOD.replace("</xyz>", _REVERSED).replace("continuous", "revolute"),
     ),
     _bad("unknown-frame", 5, "must refer to a joint with one axis", "</xyz>", '</xyz><mimic joint="base"/>'),
+    _bad("bad-number", 5, "is -1e+36: at most 1e+18", "</xyz>", f"</xyz>{_FAR}"),
     _also("one-root", 2, "it has 2: base, lid; connect them", link("lid")),
     _also("two-parents", 7, "the child of two joints, 'lift' and 'j'", joint("j", "base", "tool")),
     _also("one-root", 2, "none: its joints form a loop", joint("j", "tool", "base")),
@@ -124,6 +127,7 @@ BAD_SDF_MODELS = [
     _bad("negative-mass", 3, "a mass must not be negative", "<mass>1", "<mass>-1"),
     _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>-9"),
     _bad("uneven-inertia", 3, "9 kg m^2: none may be", "<ixx>1", "<ixx>9"),
+    _bad("bad-number", 3, "mass or moments of more than 1e+18", f"{INERTIAL}{SPHERE}", _HEAVY),
     _bad("unsupported-part", 3, "needs a <collision>", f"{INERTIAL}{SPHERE}", '<inertial auto="true"/>'),
     _surface(
         "unsupported-part", "<collide_without_contact> of", "<collide_without_contact>1</collide_without_contact>"
