@@ -112,6 +112,12 @@ def test_ros2_control_states_start_positions_and_followers(
     assert read.positions({"j1": 0.2})["j1"] == 0.2
 
 
+def test_ros2_control_states_the_start_of_a_motion_of_a_joint_with_several(tmp_path: Path) -> None:
+    read = model(tmp_path, arm(START.format("j1_2")).replace("revolute", "universal", 1))
+    assert [read.positions({})[name] for name in ("j1_1", "j1_2")] == [0, 0.5]
+    assert "start-position" in {finding.rule for finding in read.findings}
+
+
 @pytest.mark.parametrize("rpy", [(0.3, 0.0, 0.0), (0.1, -0.7, 2.0), (0.0, 1.5707963267948966, 0.4)])
 def test_a_quaternion_of_urdf_1_1_turns_as_angles_do(rpy: tuple[float, float, float], tmp_path: Path) -> None:
     by_angles = arm().replace("<limit", f'<origin xyz="1 2 3" rpy="{" ".join(map(str, rpy))}"/><limit')

@@ -19,6 +19,7 @@ from sim_action.core.errors import Location
 from sim_action.core.records import replace
 from sim_action.robot.documents.urdf_elements import is_numbers
 from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.draft import SERIES
 from sim_action.robot.model.findings import Finding
 
 _DRAKE: Final = "drake:"
@@ -56,7 +57,9 @@ def _start_notes(document: ModelDocument) -> Iterator[Finding]:
 
 def _starts(document: ModelDocument) -> Iterator[tuple[str, str, Element]]:
     """Yield joint, text and parameter of each start position."""
-    moving = {joint.get("name") for joint in document.elements("joint")}
+    joints = [*document.elements("joint")]
+    moving = {joint.get("name", "") for joint in joints}
+    moving.update(f"{joint.get('name')}_{end}" for joint in joints for end in SERIES.get(joint.get("type", ""), ()))
     for joint in document.elements("ros2_control/joint"):
         params = [*joint.findall("state_interface[@name='position']/param[@name='initial_value']")]
         params += joint.findall("param[@name='initial_position']")

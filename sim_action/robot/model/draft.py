@@ -204,7 +204,6 @@ class JointDraft:
     motion: MotionDraft = MotionDraft()
     second: MotionDraft | None = None  # the second axis of a universal joint
     mimic: Mimic | None = None
-    start: float | None = None  # rad (m), its initial position
     series: str = ""  # the joint with several motions of which this is one
 
     @property
@@ -232,6 +231,7 @@ class RobotDraft:
     joints: tuple[JointDraft, ...]
     plugins: tuple[Plugin, ...] = ()  # the plugins that it asks Gazebo to load
     commanded: tuple[CommandedJoint, ...] = ()
+    starts: Mapping[str, float] = field(default_factory=dict)  # joint -> its initial position in rad (m)
 
     @cached_property
     def joints_by_name(self) -> Mapping[str, JointDraft]:

@@ -166,11 +166,11 @@ def _joints(draft: RobotDraft) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
             made += parts
             between += inner
         else:
-            made.append(_joint(joint))
+            made.append(_joint(joint, draft.starts.get(joint.name)))
     return tuple(made), tuple(between)
 
 
-def _joint(joint: JointDraft) -> Joint:
+def _joint(joint: JointDraft, start: float | None) -> Joint:
     limit = joint.motion.limit
     effort, velocity = (None, None) if limit is None else (limit.effort, limit.velocity)
     lower, upper = joint.limits
@@ -192,7 +192,7 @@ def _joint(joint: JointDraft) -> Joint:
         damping=joint.motion.damping or 0.0,
         friction=joint.motion.friction or 0.0,
         series=joint.series,
-        start=joint.start,
+        start=start,
     )
 
 

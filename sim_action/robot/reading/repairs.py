@@ -104,7 +104,7 @@ def _links_in(joint: JointDraft) -> tuple[str, ...]:
 
 def _series_of(joint: JointDraft) -> Iterator[JointDraft]:
     """Yield the joints that replace a joint with several motions, from the parent to the child."""
-    part = replace(joint, second=None, mimic=None, start=None, series=joint.name)
+    part = replace(joint, second=None, mimic=None, series=joint.name)
     ends = (*_links_in(joint), joint.child)
     for name, end, (kind, motion) in zip(part_names(joint), ends, _motions(joint), strict=False):
         part = replace(part, name=name, type=kind, child=end, motion=motion)

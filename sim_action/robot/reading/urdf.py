@@ -94,7 +94,6 @@ class _Reader:
         self._document = document
         self._places = document.places
         self._paints = _materials(document)
-        self._starts = start_positions(document)
 
     def read(self) -> RobotDraft:
         document = self._document
@@ -105,6 +104,7 @@ class _Reader:
             tuple(map(self._joint, document.elements("joint"))),
             plugins_of(document),
             commanded_joints(document),
+            start_positions(document),
         )
 
     def _origin(self, holder: Element) -> OriginDraft:
@@ -172,7 +172,6 @@ class _Reader:
             replace(self._motion(joint), spring=spring_of(self._document, joint)),
             self._motion(joint, "2") if is_universal else None,
             None if mimic is None else _mimic(mimic),
-            self._starts.get(name),
         )
 
     def _motion(self, joint: Element, end: str = "") -> MotionDraft:
