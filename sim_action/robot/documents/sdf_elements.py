@@ -36,7 +36,7 @@ _CONSEQUENCES: Final = {"harmless-part": "does not change the motion", "unknown-
 
 
 class SdfProblem(Exception):
-    """An element breaks a rule of the audit, so that it cannot be converted."""
+    """An element breaks a rule of the audit, so that it cannot be read."""
 
     def __init__(self, rule: str, element: Element, message: str) -> None:
         self.rule = rule
@@ -46,7 +46,7 @@ class SdfProblem(Exception):
 
 @dataclass()
 class Notes:
-    """The findings of one conversion."""
+    """The findings of one file."""
 
     places: dict[Element, Location] = field(default_factory=dict)  # the file and line of each element, of all files
     findings: list[Finding] = field(default_factory=list)

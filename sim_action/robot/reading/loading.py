@@ -148,7 +148,7 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         return replace(model, findings=(*model.findings, *document.findings))
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
-    from sim_action.robot.reading.sdf.conversion import draft_of_sdf  # a usual run does without it
+    from sim_action.robot.reading.sdf.robots import draft_of_sdf  # a usual run does without it
 
     return built(*draft_of_sdf(document, path, packages, allow, name), path, packages, allow)
 
