@@ -22,7 +22,7 @@ from sim_action.ros.processes import (
     process_name,
     rostest_result_path,
 )
-from sim_action.ros.ros1.master import Graph, Master
+from sim_action.ros.ros1.master import LOG_NODE, Graph, Master
 
 # Processes that wake up at least that often while the clock stands still poll the wall clock. Nodes that wait for sim
 # time wake up twice per second with rospy, and ten times with roscpp; a timer of roscpp polls 1,000 times.
@@ -223,9 +223,8 @@ class Lockstep:
             self._awakenings[pid] += runs
             rate = self._awakenings[pid] / self._stood_s
             if self._awakenings[pid] >= _MIN_POLLS and rate >= _MIN_POLLS_HZ:
-                for node in (
-                    name for name, node_pid in self._pids.items() if node_pid == pid and name != self.master.caller
-                ):
+                own = self.master.caller, LOG_NODE
+                for node in (name for name, node_pid in self._pids.items() if node_pid == pid and name not in own):
                     self.suspect(
                         node, f"it wakes up {rate:.0f} times per second of wall time while the clock stands still"
                     )

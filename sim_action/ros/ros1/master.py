@@ -19,6 +19,9 @@ from sim_action.ros.ros1.launch.ros_patches import MISFITS
 
 _MAX_MISFIT_BYTES: Final = 10_000
 _SUCCESS: Final = 1
+# ROS's own node. It stamps and writes the log when others have something to say; no node gets anything from it because
+# of the clock.
+LOG_NODE: Final = "/rosout"
 _INBOUND: Final = "i"
 _TIMEOUT_S: Final = 10.0  # a busy machine delays answers; a process that has ended refuses the connection at once
 

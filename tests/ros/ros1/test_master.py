@@ -17,7 +17,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
-from sim_action.ros.processes import children
+from sim_action.ros.processes import WatchedProcesses, children
 from sim_action.ros.ros1 import lockstep
 from sim_action.ros.ros1.launch.ros_patches import MISFITS
 from sim_action.ros.ros1.master import Graph, Master
@@ -148,6 +148,18 @@ def test_a_node_that_leaves_while_another_one_connects_is_awaited(
     assert not awaited
     clock.deliver(0.01, ())
     assert awaited
+
+
+def test_a_node_that_wakes_up_between_two_ticks_polls_and_the_log_of_ros_does_not(
+    asking: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = lockstep_of(asking)
+    clock.deliver(0.0, ())
+    monkeypatch.setattr(clock, "_pids", {"/rosout": 1, "/polling": 2})
+    monkeypatch.setattr(WatchedProcesses, "awakenings", lambda _: {1: 1_000_000, 2: 1_000_000})
+    clock.deliver(0.01, ())
+    (reason,) = clock.not_reproducible
+    assert "the node 'polling' does not wait for sim time: it wakes up" in reason
 
 
 @contextmanager

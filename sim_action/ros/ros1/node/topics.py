@@ -31,15 +31,13 @@ from sim_action.robot.documents.xml_document import shown_file
 from sim_action.ros.messages import clock_message, odometry_message, transforms_message
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
 from sim_action.ros.ros1.lockstep import Lockstep
-from sim_action.ros.ros1.master import Master
+from sim_action.ros.ros1.master import LOG_NODE, Master
 from sim_action.ros.ros1.node.message_classes import filled, pose_message, twist_message
 from sim_action.ros.ros1.node.world_models import States
 from sim_action.state.trace import Transcript
 
 GROUND: Final = "ground_plane"  # Gazebo's name of the ground
 _AT_REST: Final = Pose(), Twist()
-# It reads the clock to stamp the log, and no node gets anything from it because of the clock.
-_LOG_NODE: Final = "/rosout"
 
 
 class Traffic:
@@ -72,10 +70,10 @@ class Traffic:
             data = buffer.getvalue()
             connections = sorted(topic.connections, key=attrgetter("endpoint_id"))
             for connection in connections:
-                if connection.endpoint_id in (ourselves, _LOG_NODE):
+                if connection.endpoint_id in (ourselves, LOG_NODE):
                     _write(connection, data)
             for connection in connections:
-                if connection.endpoint_id not in (ourselves, _LOG_NODE):
+                if connection.endpoint_id not in (ourselves, LOG_NODE):
                     yield partial(self._deliver, connection, data)
 
     def hear(self, topic: str, node: str, message: Any) -> None:
