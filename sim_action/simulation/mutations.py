@@ -304,7 +304,10 @@ def partners(names: Iterable[str]) -> dict[str, str]:
 
 def heavier(model: RobotModel, factor: float) -> RobotModel:
     """Return a robot whose links all have their mass and inertia multiplied."""
-    links = tuple(link if link.mass is None else replace(link, mass=factor * link.mass) for link in model.links)
+    links = tuple(
+        replace(link, mass=link.mass and factor * link.mass, inertial=link.inertial and link.inertial.scaled(factor))
+        for link in model.links
+    )
     if model.mjcf is not None:
         return replace(model, links=links, mjcf=replace(model.mjcf, heaviness=factor))
     root = ET.fromstring(model.urdf)  # noqa: S314 - the loader wrote this text

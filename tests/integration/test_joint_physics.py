@@ -11,13 +11,25 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_action.core.records import replace
 from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
+from sim_action.simulation.mutations import heavier
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, World
-from tests.integration.engines import advance, at, inertia, on_every_engine, running, scene_of, travelled
+from tests.integration.engines import (
+    MOMENT,
+    advance,
+    at,
+    inertia,
+    mechanism,
+    on_every_engine,
+    running,
+    scene_of,
+    travelled,
+)
 from tests.physics import robots
 
 pytestmark = on_every_engine
@@ -81,6 +93,17 @@ def test_an_effort_works_against_the_joints_own_friction(
     # (effort - friction) / moment of inertia, for a second.
     assert trace.joint_velocity[-1, 0] == pytest.approx(acceleration, rel=1e-3, abs=1e-6)
     assert set(trace.joint_effort[:, 0].tolist()) == {effort}
+
+
+@pytest.mark.parametrize(("kind", "axis", "load"), [("continuous", "0 0 1", MOMENT), ("prismatic", "1 0 0", 2.0)])
+def test_the_mutation_of_mass_halves_the_acceleration(
+    engine: str, kind: str, axis: str, load: float, tmp_path: Path
+) -> None:
+    scene = scene_of(tmp_path, mechanism(kind, axis), at())
+    for factor in (1.0, 2.0):
+        heavy = replace(scene, model=heavier(scene.model, factor))
+        trace = travelled(engine, heavy, 240, JointTargets(effort={"joint": 1.0}))
+        assert trace.joint_velocity[-1, 0] == pytest.approx(1 / (factor * load), rel=0.01)
 
 
 def test_friction_stops_what_no_effort_moves_any_more(engine: str, tmp_path: Path) -> None:

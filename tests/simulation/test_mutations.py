@@ -162,6 +162,9 @@ def test_a_heavier_robot_has_more_mass_and_inertia_in_all_links() -> None:
     model = scene().model
     heavy = heavier(model, 2.0)
     assert heavy.mass == pytest.approx(2 * model.mass)
+    assert all(
+        heavy.links_by_name[link.name].inertial == link.inertial.scaled(2.0) for link in model.links if link.inertial
+    )
     assert MutantSeams(Mutation(mass=2.0), scene()).scene(scene()).model == heavy
     assert heavier(heavy, 0.5).urdf.count("<mass") == model.urdf.count("<mass")
     assert heavier(heavy, 0.5).links == model.links

@@ -1,4 +1,4 @@
-"""Build a scene in MuJoCo: the robot, from the cleaned URDF or from MJCF, the compiled model, and its initial state."""
+"""Build a scene in MuJoCo: the robot, from its model or from MJCF, the compiled model, and its initial state."""
 
 from __future__ import annotations
 

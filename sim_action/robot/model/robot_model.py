@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, Self
 
 from sim_action.core import geometry, units
 from sim_action.core.errors import Location
@@ -208,6 +208,11 @@ class Inertial:
     mass: float  # kg
     pose: Pose  # the centre of mass and the axes of the moments, in the link's frame
     moments: Moments  # about the centre of mass
+
+    def scaled(self, factor: float) -> Self:
+        """Return it with its mass and moments multiplied."""
+        xx, xy, xz, yy, yz, zz = (factor * moment for moment in self.moments)
+        return replace(self, mass=factor * self.mass, moments=(xx, xy, xz, yy, yz, zz))
 
 
 @dataclass(frozen=True, slots=True)
